@@ -1,0 +1,14 @@
+"""Weight of the particles."""
+
+import numpy as np
+
+from sim.state import Particles, mass
+
+Vector = tuple[float, float, float]
+
+
+def potential_energy(particles: Particles, gravity: Vector | None) -> float:
+    """−Σ m g·x about the scene's origin, J; zero in a scene without gravity."""
+    if gravity is None:
+        return 0.0
+    return float(-np.sum(mass(particles) * (particles.position @ np.array(gravity))))

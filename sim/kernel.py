@@ -1,0 +1,66 @@
+"""The one door to compiled code: decorators that own the on-disk cache.
+
+Numba keys its cache by the file of the outermost function only, so an edit in a law called from another file would
+silently run the old machine code. Here the cache folder is named by a digest of every file of the package and of
+numba's version: any edit starts a fresh one.
+"""
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+import numpy as np
+from numba.core import config as numba_config
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Flags = NDArray[np.uint8]
+
+config: Any = numba_config  # its settings are made at import time, out of a type checker's sight
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def _cache_folder() -> str:
+    digest = hashlib.sha256(numba.__version__.encode())
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.read_bytes())
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    folder = home / "suffice" / f"numba-{digest.hexdigest()[:16]}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:  # a read-only home: compile again in every process rather than not at all
+        return tempfile.mkdtemp(prefix="suffice-numba-")
+    return str(folder)
+
+
+_FOLDER = _cache_folder()
+
+
+def _compiled(function: F, **options: Any) -> F:
+    previous = config.CACHE_DIR
+    config.CACHE_DIR = _FOLDER
+    try:
+        compiled: F = numba.njit(cache=True, nogil=True, error_model="numpy", **options)(function)
+    finally:
+        config.CACHE_DIR = previous
+    return compiled
+
+
+def kernel(function: F) -> F:
+    """Compile a function for one thread; callers and type checkers see its own signature."""
+    return _compiled(function)
+
+
+def parallel_kernel(function: F) -> F:
+    """Compile a function whose `prange` loops run on all threads of `numba.set_num_threads`.
+
+    The body of such a loop hands named tuples to an ordinary kernel and never writes to their arrays itself: numba
+    loses those writes (numba #5872, #10338).
+    """
+    return _compiled(function, parallel=True)

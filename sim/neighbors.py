@@ -1,0 +1,214 @@
+"""Who may touch whom: a list of pairs closer than a skin, rebuilt when a particle has moved far enough.
+
+Particles are kept sorted by cells of space and dealt to a fixed number of chunks, whatever the number of threads. A
+pair within a chunk stands once in the list, with the first of the two, and its force is applied to both; a pair that
+crosses chunks stands twice, once for each side, and each side applies only its own half. No two chunks ever write to
+the same particle, so sums run in the same order on any number of threads.
+"""
+
+from math import floor
+from typing import NamedTuple
+
+import numpy as np
+from numba import prange
+
+from sim.kernel import Array, Flags, Indices, kernel, parallel_kernel
+
+BLOCK = 4  # cells per side of a block; blocks are numbered in turn, so that a chunk is compact in space
+PARTICLES_PER_CHUNK = 512
+MOST_CHUNKS = 64
+
+
+class Neighbors(NamedTuple):
+    """Entries of particle i are first[i] to last[i] (excluded) of `partner`, a region of the list per chunk."""
+
+    chunks: Indices  # (chunks + 1,) first particle of each chunk
+    first: Indices  # (n,)
+    last: Indices  # (n,)
+    partner: Indices  # (capacity,) particle
+    touching: Flags  # (capacity,) 1 while in contact
+    spring: Array | None  # (capacity, 3) m, tangential displacement as seen by the listing particle
+
+
+class CellGrid(NamedTuple):
+    """Cubic cells over the bounding box of the particles, numbered block by block."""
+
+    lowest: Array  # (3,) m
+    inverse_size: float  # 1/m
+    cells: Indices  # (3,)
+    blocks: Indices  # (3,)
+
+
+def chunk_bounds(n: int) -> Indices:
+    """Deal n particles to chunks of about equal size: shape (chunks + 1,)."""
+    chunks = min(max(1, n // PARTICLES_PER_CHUNK), MOST_CHUNKS)
+    return np.linspace(0, n, chunks + 1).astype(np.int64)
+
+
+def empty_neighbors(n: int, per_particle: int, with_spring: bool) -> Neighbors:
+    """Return a list without entries that has room for `per_particle` of them on average."""
+    chunks = chunk_bounds(n)
+    widest = int(np.diff(chunks).max())
+    capacity = max(1, widest * per_particle) * (len(chunks) - 1)
+    none = np.zeros(n, np.int64)
+    spring = np.zeros((capacity, 3)) if with_spring else None
+    return Neighbors(chunks, none, none.copy(), np.zeros(capacity, np.int64), np.zeros(capacity, np.uint8), spring)
+
+
+def cell_grid(position: Array, cutoff: float) -> CellGrid:
+    """Lay cells no smaller than the cutoff (m) over the particles, and no more than a few per particle."""
+    lowest, extent = position.min(axis=0), np.ptp(position, axis=0)
+    size = cutoff
+    while np.prod(np.floor(extent / size) + 1.0) > 8.0 * len(position) + 64.0:
+        size *= 1.5  # few particles far apart: a larger cell is slower to search but bounded in memory
+    cells = np.floor(extent / size).astype(np.int64) + 1
+    return CellGrid(lowest, 1.0 / size, cells, -(-cells // BLOCK))
+
+
+@kernel
+def cell_number(ix: int, iy: int, iz: int, blocks: Indices) -> int:
+    """Return the number of a cell: its block's, then its place within the block."""
+    block: int = ((iz // BLOCK) * blocks[1] + iy // BLOCK) * blocks[0] + ix // BLOCK
+    return ((block * BLOCK + iz % BLOCK) * BLOCK + iy % BLOCK) * BLOCK + ix % BLOCK
+
+
+@kernel
+def cell_of(x: float, y: float, z: float, grid: CellGrid) -> tuple[int, int, int]:
+    """Return the three indices of the cell that holds a point (m)."""
+    ix = floor((x - grid.lowest[0]) * grid.inverse_size)
+    iy = floor((y - grid.lowest[1]) * grid.inverse_size)
+    iz = floor((z - grid.lowest[2]) * grid.inverse_size)
+    return min(ix, grid.cells[0] - 1), min(iy, grid.cells[1] - 1), min(iz, grid.cells[2] - 1)
+
+
+@kernel
+def sort_by_cell(position: Array, grid: CellGrid) -> tuple[Indices, Indices]:
+    """Return the order of the particles by cell, shape (n,), and where each cell begins in it, shape (cells + 1,)."""
+    n = position.shape[0]
+    start = np.zeros(grid.blocks[0] * grid.blocks[1] * grid.blocks[2] * BLOCK**3 + 1, np.int64)
+    cell = np.empty(n, np.int64)
+    for i in range(n):
+        ix, iy, iz = cell_of(position[i, 0], position[i, 1], position[i, 2], grid)
+        cell[i] = cell_number(ix, iy, iz, grid.blocks)
+        start[cell[i] + 1] += 1
+    for c in range(start.shape[0] - 1):
+        start[c + 1] += start[c]
+    order = np.empty(n, np.int64)
+    filled = start[:-1].copy()
+    for i in range(n):
+        order[filled[cell[i]]] = i
+        filled[cell[i]] += 1
+    return order, start
+
+
+@kernel
+def list_chunk(
+    c: int, position: Array, radius: Array, grid: CellGrid, start: Indices, skin: float, listed: Neighbors
+) -> int:
+    """List the pairs of the particles of chunk c; return how many there are, even where its region holds fewer."""
+    region = listed.partner.shape[0] // (listed.chunks.shape[0] - 1)
+    entry, full = c * region, (c + 1) * region
+    begin = listed.chunks[c]
+    for i in range(begin, listed.chunks[c + 1]):
+        listed.first[i] = min(entry, full)
+        x, y, z = position[i, 0], position[i, 1], position[i, 2]
+        ix, iy, iz = cell_of(x, y, z, grid)
+        reach = radius[i] + skin
+        for kz in range(max(iz - 1, 0), min(iz + 2, grid.cells[2])):
+            for ky in range(max(iy - 1, 0), min(iy + 2, grid.cells[1])):
+                for kx in range(max(ix - 1, 0), min(ix + 2, grid.cells[0])):
+                    cell = cell_number(kx, ky, kz, grid.blocks)
+                    for j in range(start[cell], start[cell + 1]):
+                        if begin <= j <= i:
+                            continue
+                        dx, dy, dz = x - position[j, 0], y - position[j, 1], z - position[j, 2]
+                        limit = reach + radius[j]
+                        if dx * dx + dy * dy + dz * dz < limit * limit:
+                            if entry < full:
+                                listed.partner[entry] = j
+                            entry += 1
+        listed.last[i] = min(entry, full)
+    wanted: int = entry - c * region
+    return wanted
+
+
+@parallel_kernel
+def fill_neighbors(
+    position: Array, radius: Array, grid: CellGrid, start: Indices, skin: float, listed: Neighbors
+) -> Indices:
+    """Fill the list with all pairs closer than the sum of radii and skin; return the entries each chunk wanted.
+
+    A chunk that wanted more than its region holds is left incomplete: the caller makes room and calls again.
+    """
+    wanted = np.zeros(listed.chunks.shape[0] - 1, np.int64)
+    for c in prange(wanted.shape[0]):
+        wanted[c] = list_chunk(c, position, radius, grid, start, skin, listed)
+    return wanted
+
+
+@kernel
+def inherited_entry(old: Neighbors, i: int, j: int) -> int:
+    """Entry of the old list in which i lists j while touching it, or −1."""
+    for entry in range(old.first[i], old.last[i]):
+        if old.partner[entry] == j and old.touching[entry]:
+            return entry
+    return -1
+
+
+@kernel
+def inherit_chunk(c: int, order: Indices, old: Neighbors, old_spring: Array, new: Neighbors, new_spring: Array) -> None:
+    """Carry over the contacts of the particles of chunk c."""
+    with_spring = old_spring.shape[0] > 0
+    for i in range(new.chunks[c], new.chunks[c + 1]):
+        for entry in range(new.first[i], new.last[i]):
+            sign = 1.0
+            before = inherited_entry(old, order[i], order[new.partner[entry]])
+            if before < 0:
+                sign = -1.0
+                before = inherited_entry(old, order[new.partner[entry]], order[i])
+            if before < 0:
+                continue
+            new.touching[entry] = 1
+            if with_spring:
+                for axis in range(3):
+                    new_spring[entry, axis] = sign * old_spring[before, axis]
+
+
+@parallel_kernel
+def inherit_contacts(order: Indices, old: Neighbors, old_spring: Array, new: Neighbors, new_spring: Array) -> None:
+    """Carry contacts over from a list that numbers the particles in another order.
+
+    A pair may be listed by the other partner now: its displacement then changes sign. Frictionless lists pass springs
+    of no rows.
+    """
+    for c in prange(new.chunks.shape[0] - 1):
+        inherit_chunk(c, order, old, old_spring, new, new_spring)
+
+
+def rebuilt_neighbors(
+    position: Array, radius: Array, order: Indices, start: Indices, grid: CellGrid, skin: float, old: Neighbors
+) -> Neighbors:
+    """Return the list for particles already put in `order`, with the contacts of the old list."""
+    n = len(radius)
+    per_particle = len(old.partner) // max(1, n) + 1
+    while True:
+        new = empty_neighbors(n, per_particle, old.spring is not None)
+        most = int(fill_neighbors(position, radius, grid, start, skin, without_spring(new)).max())
+        region = len(new.partner) // (len(new.chunks) - 1)
+        if most <= region:
+            break
+        per_particle = int(per_particle * 1.25 * most / region) + 1
+    none = np.zeros((0, 3))
+    inherit_contacts(
+        order,
+        without_spring(old),
+        none if old.spring is None else old.spring,
+        without_spring(new),
+        none if new.spring is None else new.spring,
+    )
+    return new
+
+
+def without_spring(listed: Neighbors) -> Neighbors:
+    """Return the list as compiled code takes it: springs travel as an argument of their own, or as None."""
+    return listed._replace(spring=None)

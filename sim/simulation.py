@@ -1,0 +1,224 @@
+"""A run: a generator of snapshots."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from sim.assembly import law_of, walls_of
+from sim.energy import Ledger, kinetic_energy, pair_elastic_energy, rotational_energy, wall_elastic_energy
+from sim.errors import LimitError
+from sim.gravity import potential_energy
+from sim.kernel import Array
+from sim.neighbors import cell_grid, empty_neighbors, rebuilt_neighbors, sort_by_cell, without_spring
+from sim.overlap import deepest_pair, deepest_wall
+from sim.pairs import TALLY
+from sim.scene import Scene
+from sim.start import check_pairs, check_walls, starting_particles
+from sim.state import Snapshot, reordered
+from sim.timestep import snapshots_in, time_step
+from sim.verlet import Step, advance, fill_forces
+from sim.walls import BODY_TALLY, no_near_walls, rebuilt_near_walls, wall_speed
+
+SKIN = 0.12  # of the largest diameter: thin enough to keep lists short, wide enough to keep them for tens of steps
+
+
+class Simulation:
+    """State of a run between two compiled calls."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.dt, self.steps_per_snapshot = time_step(scene)
+        self.snapshots = snapshots_in(scene)
+        self.gravity = scene.gravity.acceleration if scene.gravity else None
+        self.pair_law, self.wall_law = law_of(scene.contact), law_of(scene.law_of_walls)
+        self.walls = walls_of(scene)
+        self.particles = starting_particles(scene, self.walls)
+        check_walls(scene, self.particles, self.walls)
+        n, turns = len(self.particles.radius), self.particles.spin is not None
+        self.force = np.zeros((n, 3))
+        self.torque = np.zeros((n, 3)) if turns else None
+        self.step = 0
+        self.listed = empty_neighbors(n, 1, turns)
+        self.near = no_near_walls(n)
+        self.wall_spring = np.zeros((0, 3)) if turns else None
+        self.skin = SKIN * 2.0 * float(self.particles.radius.max())
+        chunks = len(self.listed.chunks) - 1
+        self.tally = np.zeros((chunks, TALLY))
+        self.body_tally = np.zeros((chunks, len(scene.walls), BODY_TALLY))
+        self.reported = np.zeros((len(scene.walls), BODY_TALLY))
+        self.rebuild()
+        check_pairs(scene, self.particles, without_spring(self.listed))
+        self._fill_starting_forces()
+
+    def rebuild(self) -> None:
+        """Sort the particles by space and list their neighbours anew.
+
+        Raises LimitError where a position is not a number or a centre is beyond a wall.
+        """
+        finite = np.isfinite(self.particles.position).all(axis=1)
+        if not finite.all():
+            raise self._stopped(int(np.argmin(finite)), "position is not a number", "lower time.step")
+        radius = self.particles.radius
+        grid = cell_grid(self.particles.position, 2.0 * float(radius.max()) + self.skin)
+        order, start = sort_by_cell(self.particles.position, grid)
+        self.particles = reordered(self.particles, order)
+        position, radius = self.particles.position, self.particles.radius
+        self.listed = rebuilt_neighbors(position, radius, order, start, grid, self.skin, self.listed)
+        self.listed_at = position.copy()
+        self.listed_step = self.step
+        self.wall_speed = 0.0
+        if self.walls is not None:
+            self.near, self.wall_spring, least = rebuilt_near_walls(
+                position, radius, self.walls, self.skin, order, self.near, self.wall_spring
+            )
+            self.wall_speed = wall_speed(self.walls, position)
+            worst = int(np.argmin(least))
+            if least[worst] < 0.0:
+                depth = f"is {-least[worst]:.3g} m behind a wall"
+                raise self._stopped(worst, depth, "raise wall stiffness or lower time.step")
+
+    def advance_to(self, step: int) -> None:
+        """Run to a step; stops with LimitError where an overlap passes the limit."""
+        drifted = False
+        while self.step < step:
+            p = self.particles
+            done, drifted = advance(
+                Step(self.step, self.listed_step, self.dt, self.skin, self.wall_speed, self.scene.limits.max_overlap),
+                step - self.step,
+                drifted,
+                p.position,
+                p.velocity,
+                p.spin,
+                p.radius,
+                p.inverse_mass,
+                self.force,
+                self.torque,
+                self.gravity,
+                without_spring(self.listed),
+                self.listed_at,
+                self.listed.spring,
+                self.pair_law,
+                self.walls,
+                self.near,
+                self.wall_spring,
+                self.wall_law,
+                self.tally,
+                self.body_tally,
+            )
+            self.step += done
+            if drifted:
+                self.step += 1  # positions and walls already stand at the next step
+                self.rebuild()
+                self.step -= 1
+            self._check_overlap()
+
+    def snapshot(self) -> Snapshot:
+        """Return the present moment in the scene's order of particles."""
+        p = self.particles
+        back = np.argsort(p.id)
+        spin = None if p.spin is None else p.spin[back]
+        return Snapshot(self.time, p.position[back], p.velocity[back], spin, self.series())
+
+    @property
+    def time(self) -> float:
+        """Time of the run, s."""
+        return self.step * self.dt
+
+    def ledger(self) -> tuple[Ledger, float, float]:
+        """Return the energies (J), the mean number of contacts of a particle, and the largest overlap (radii)."""
+        p = self.particles
+        elastic, pairs, deepest = pair_elastic_energy(
+            p.position, p.radius, without_spring(self.listed), self.listed.spring, self.pair_law
+        )
+        contacts = 2.0 * pairs
+        if self.walls is not None:
+            energy, touches, depth = wall_elastic_energy(
+                p.position, p.radius, self.walls, self.near, self.wall_spring, self.wall_law
+            )
+            elastic, contacts, deepest = elastic + energy, contacts + touches, max(deepest, depth)
+        ledger = Ledger(
+            kinetic_energy(p),
+            rotational_energy(p),
+            potential_energy(p, self.gravity),
+            elastic,
+            float(self.tally[:, 0].sum()),
+            float(self.body_tally[:, :, 6].sum()),
+        )
+        return ledger, contacts / len(p.radius), deepest
+
+    def series(self) -> dict[str, float]:
+        """Return the diagnostics of this moment; torque and power are means since the last call."""
+        ledger, coordination, overlap = self.ledger()
+        series = {f"energy.{name}": value for name, value in ledger._asdict().items()}
+        series |= {"energy.balance": ledger.balance, "coordination": coordination, "max_overlap": overlap}
+        totals = self.body_tally.sum(axis=0)
+        elapsed = self.dt * self.steps_per_snapshot
+        for table, given in zip(self.scene.walls, (totals - self.reported) / elapsed, strict=True):
+            series |= {f"force.{table.name}.{axis}": given[k] for k, axis in enumerate("xyz")}
+            series |= {f"torque.{table.name}.{axis}": given[3 + k] for k, axis in enumerate("xyz")}
+            series[f"power.{table.name}"] = given[6]
+        self.reported = totals
+        return {name: float(value) for name, value in series.items()}
+
+    def _fill_starting_forces(self) -> None:
+        """Set the forces at time zero; over no time, so that nothing slips or is dissipated."""
+        p = self.particles
+        fill_forces(
+            0.0,
+            p.position,
+            p.velocity,
+            p.spin,
+            p.radius,
+            p.inverse_mass,
+            self.force,
+            self.torque,
+            without_spring(self.listed),
+            self.listed.spring,
+            self.pair_law,
+            self.walls,
+            self.near,
+            self.wall_spring,
+            self.wall_law,
+            self.tally,
+            self.body_tally,
+        )
+
+    def _check_overlap(self) -> None:
+        limit = self.scene.limits.max_overlap
+        if float(self.tally[:, 1].max()) <= limit:
+            return
+        p = self.particles
+        overlap, row, other = deepest_pair(p.position, p.radius, without_spring(self.listed))
+        partner = f"particle {p.id[other]}"
+        if self.walls is not None:
+            depth, touching, body = deepest_wall(p.position, p.radius, self.walls, self.near)
+            if depth > overlap:
+                overlap, row, partner = depth, touching, f"the wall {self.scene.walls[body].name!r}"
+        raise self._stopped(
+            row,
+            f"overlaps {partner} by {overlap:.3g} radii (limits.max_overlap {limit:g})",
+            f"raise contact.stiffness to about {self._stiffness_for(overlap, limit):.2g} N/m, or the limit",
+        )
+
+    def _stiffness_for(self, overlap: float, limit: float) -> float:
+        """Stiffness (N/m) at which the same impact stays within the limit, as overlap ∝ 1/sqrt(k), and a third more."""
+        stiffest = max(self.scene.contact.stiffness, self.scene.law_of_walls.stiffness)
+        return 1.33 * stiffest * (overlap / limit) ** 2
+
+    def _stopped(self, row: int, what: str, remedy: str) -> LimitError:
+        position: Array = self.particles.position[row]
+        place = ", ".join(f"{x:.5g}" for x in position)
+        return LimitError(
+            f"particle {self.particles.id[row]} {what} at t = {self.time:.6g} s, position ({place}) m; {remedy}"
+        )
+
+
+def simulate(scene: Scene) -> Iterator[Snapshot]:
+    """Yield the snapshots of a scene, time zero first.
+
+    Raises InputError for a scene that cannot start and LimitError for a limit violated on the way.
+    """
+    run = Simulation(scene)
+    for k in range(run.snapshots):
+        run.advance_to(k * run.steps_per_snapshot)
+        yield run.snapshot()

@@ -1,0 +1,89 @@
+"""The time step: how large each contact lets it be, and which one binds."""
+
+from math import inf, pi
+from typing import NamedTuple
+
+from sim.contact import (
+    FEWEST_STEPS_PER_CONTACT,
+    NEARLY_ELASTIC,
+    STEPS_PER_CONTACT,
+    contact_time,
+    tangential_time,
+)
+from sim.errors import InputError
+from sim.scene import Contact, ParticleTable, Scene
+
+
+class TimeLimit(NamedTuple):
+    """The largest step that one term allows."""
+
+    term: str
+    largest: float  # s
+    advised: float  # s
+
+
+def particle_mass(table: ParticleTable) -> float:
+    """Mass of one sphere of a species, kg."""
+    return table.density * pi * table.diameter**3 / 6.0
+
+
+def contact_limits(term: str, contact: Contact, reduced_mass: float) -> list[TimeLimit]:
+    """Return the limits of the normal and, with friction, of the tangential spring."""
+    normal = contact_time(contact.stiffness, contact.restitution, reduced_mass)
+    fewest = FEWEST_STEPS_PER_CONTACT if contact.restitution >= NEARLY_ELASTIC else STEPS_PER_CONTACT
+    limits = [TimeLimit(f"{term}, normal", normal / fewest, normal / STEPS_PER_CONTACT)]
+    if contact.friction > 0.0:
+        tangential = tangential_time(contact.tangential_stiffness_ratio * contact.stiffness, reduced_mass)
+        largest = tangential / FEWEST_STEPS_PER_CONTACT
+        limits.append(TimeLimit(f"{term}, tangential", largest, largest))
+    return limits
+
+
+def time_limits(scene: Scene) -> list[TimeLimit]:
+    """Return what every term of a scene allows; the lightest particles bind."""
+    lightest = min(particle_mass(table) for table in scene.particles)
+    limits = contact_limits("contact between particles", scene.contact, lightest / 2.0)
+    if scene.walls:
+        limits += contact_limits("contact with walls", scene.law_of_walls, lightest)
+    return limits
+
+
+def time_step(scene: Scene) -> tuple[float, int]:
+    """Return the time step (s) and how many of them make a snapshot interval.
+
+    The step asked for, or the smallest advised one, shortened so that snapshots fall on whole steps.
+    Raises InputError where the step asked for exceeds a limit.
+    """
+    limits = time_limits(scene)
+    wanted = scene.time.step or min(limit.advised for limit in limits)
+    binding = min(limits, key=lambda limit: limit.largest)
+    if wanted > binding.largest:
+        raise InputError(
+            f"time.step = {wanted:g} s: above the limit of {binding.largest:.3g} s set by the {binding.term} spring "
+            f"(stiffness {scene.contact.stiffness:g} N/m); lower the step, or leave it out for {_advice(limits):.3g} s"
+        )
+    per_snapshot = steps_between(scene.output.interval, wanted)
+    return scene.output.interval / per_snapshot, per_snapshot
+
+
+def _advice(limits: list[TimeLimit]) -> float:
+    return min((limit.advised for limit in limits), default=inf)
+
+
+def steps_between(interval: float, step: float) -> int:
+    """Return the fewest steps no longer than `step` that make up the interval."""
+    whole = round(interval / step)
+    if whole and abs(interval / step - whole) < 1e-9 * whole:
+        return whole
+    return int(interval / step) + 1
+
+
+def snapshots_in(scene: Scene) -> int:
+    """Return how many snapshots a run writes, the one at time zero included."""
+    intervals = scene.time.duration / scene.output.interval
+    if intervals < 1.0 - 1e-9:
+        raise InputError(
+            f"output.interval = {scene.output.interval:g} s: longer than time.duration = {scene.time.duration:g} s; "
+            "a run needs two snapshots at least"
+        )
+    return int(intervals + 1e-9) + 1

@@ -1,0 +1,183 @@
+"""Velocity Verlet: many steps of all terms of a scene in one compiled call."""
+
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numba import prange
+
+from sim.contact import ContactLaw
+from sim.kernel import Array, kernel, parallel_kernel
+from sim.motion import Bodies, move_bodies
+from sim.neighbors import Neighbors
+from sim.pairs import add_pair_forces
+from sim.walls import NearWalls, add_wall_forces
+
+Vector = tuple[float, float, float]
+
+
+class Step(NamedTuple):
+    """Where a run stands in time, and what bounds its steps."""
+
+    number: int  # steps done
+    listed: int  # step at which the neighbours were listed
+    dt: float  # s
+    skin: float  # m
+    wall_speed: float  # m/s
+    max_overlap: float  # radii
+
+
+@parallel_kernel
+def fill_forces(
+    dt: float,
+    position: Array,
+    velocity: Array,
+    spin: Array | None,
+    radius: Array,
+    inverse_mass: Array,
+    force: Array,
+    torque: Array | None,
+    listed: Neighbors,
+    pair_spring: Array | None,
+    pair_law: ContactLaw,
+    walls: Bodies | None,
+    near: NearWalls,
+    wall_spring: Array | None,
+    wall_law: ContactLaw,
+    tally: Array,
+    body_tally: Array,
+) -> None:
+    """Set force (n, 3) N and torque (n, 3) N m to the sum of all contact terms; a term that is None does not exist."""
+    chunks = listed.chunks
+    for c in prange(chunks.shape[0] - 1):
+        begin, end = chunks[c], chunks[c + 1]
+        force[begin:end] = 0.0
+        if torque is not None:
+            torque[begin:end] = 0.0
+        add_pair_forces(
+            c, position, velocity, spin, radius, inverse_mass, listed, pair_spring, pair_law, dt, force, torque, tally
+        )
+        if walls is not None:
+            add_wall_forces(
+                c,
+                position,
+                velocity,
+                spin,
+                radius,
+                inverse_mass,
+                chunks,
+                walls,
+                near,
+                wall_spring,
+                wall_law,
+                dt,
+                force,
+                torque,
+                tally,
+                body_tally,
+            )
+
+
+@kernel
+def kick(
+    i: int,
+    half: float,
+    gravity: Vector | None,
+    velocity: Array,
+    spin: Array | None,
+    radius: Array,
+    inverse_mass: Array,
+    force: Array,
+    torque: Array | None,
+) -> None:
+    """Advance velocity and spin of particle i by half a step: dv = (F/m + g) dt/2, dω = T/I dt/2 (paper (1), (2))."""
+    for axis in range(3):
+        velocity[i, axis] += half * inverse_mass[i] * force[i, axis]
+        if gravity is not None:
+            velocity[i, axis] += half * gravity[axis]
+        if spin is not None and torque is not None:
+            spin[i, axis] += half * 2.5 * inverse_mass[i] / (radius[i] * radius[i]) * torque[i, axis]
+
+
+@parallel_kernel
+def advance(
+    step: Step,
+    steps: int,
+    drifted: bool,
+    position: Array,
+    velocity: Array,
+    spin: Array | None,
+    radius: Array,
+    inverse_mass: Array,
+    force: Array,
+    torque: Array | None,
+    gravity: Vector | None,
+    listed: Neighbors,
+    listed_at: Array,
+    pair_spring: Array | None,
+    pair_law: ContactLaw,
+    walls: Bodies | None,
+    near: NearWalls,
+    wall_spring: Array | None,
+    wall_law: ContactLaw,
+    tally: Array,
+    body_tally: Array,
+) -> tuple[int, bool]:
+    """Do up to `steps` steps of half kick, drift, forces, half kick; return how many, and whether the list is stale.
+
+    Returns early when a particle may have left its listed neighbourhood: positions are then drifted and the next call
+    begins with the forces (`drifted`); or when the largest overlap in `tally` passes the limit.
+    """
+    chunks = listed.chunks
+    n_chunks = chunks.shape[0] - 1
+    half = 0.5 * step.dt
+    travel = np.zeros(n_chunks)
+    done = 0
+    kicks = 1  # the second half kick of a step and the first of the next are done in one sweep
+    while done < steps:
+        if not drifted:
+            for c in prange(n_chunks):
+                farthest = 0.0
+                for i in range(chunks[c], chunks[c + 1]):
+                    for _ in range(kicks):
+                        kick(i, half, gravity, velocity, spin, radius, inverse_mass, force, torque)
+                    moved = 0.0
+                    for axis in range(3):
+                        position[i, axis] += step.dt * velocity[i, axis]
+                        moved += (position[i, axis] - listed_at[i, axis]) ** 2
+                    if moved > farthest or moved != moved:  # not a number stays, and stops the run
+                        farthest = moved
+                travel[c] = farthest
+            if walls is not None:
+                move_bodies(walls, (step.number + done + 1) * step.dt)
+            walls_moved = step.wall_speed * step.dt * (step.number + done + 1 - step.listed)
+            moved = sqrt(travel.max())
+            if not (2.0 * moved <= step.skin and moved + walls_moved <= step.skin):
+                return done, True
+        drifted = False
+        fill_forces(
+            step.dt,
+            position,
+            velocity,
+            spin,
+            radius,
+            inverse_mass,
+            force,
+            torque,
+            listed,
+            pair_spring,
+            pair_law,
+            walls,
+            near,
+            wall_spring,
+            wall_law,
+            tally,
+            body_tally,
+        )
+        kicks = 2
+        done += 1
+        if tally[:, 1].max() > step.max_overlap:
+            break
+    for i in prange(position.shape[0]):
+        kick(i, half, gravity, velocity, spin, radius, inverse_mass, force, torque)
+    return done, False

@@ -1,0 +1,251 @@
+"""Contact of particles with walls given as signed distance functions.
+
+The particles' side of every shape has φ > 0. Each shape that a particle overlaps acts by itself, so a bead in a corner
+rests on both faces; the force is the gradient of ½ k (φ − r)² (paper eqs. (13)–(17)).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import prange
+
+from sim.contact import ContactLaw, contact_shares, normal_force, tangential_force
+from sim.kernel import Array, Flags, Indices, kernel, parallel_kernel
+from sim.motion import FIXED, ROTATING, Bodies
+from sim.shapes import signed_distance
+
+BODY_TALLY = 7  # impulse (3), angular impulse about the body's centre (3), work
+
+
+class NearWalls(NamedTuple):
+    """Entries of particle i are first[i] to last[i] (excluded): shapes it may touch before the next rebuild."""
+
+    first: Indices  # (n,)
+    last: Indices  # (n,)
+    surface: Indices  # (capacity,)
+    touching: Flags  # (capacity,)
+
+
+@kernel
+def wall_distance(walls: Bodies, s: int, x: float, y: float, z: float) -> tuple[float, float, float, float]:
+    """Distance φ of a point to shape s where its body stands now (positive on the particles' side), and ∇φ."""
+    b = walls.body[s]
+    side = walls.side[s]
+    if walls.motion[b] == FIXED:
+        d, nx, ny, nz = signed_distance(walls.kind[s], walls.parameter[s], x, y, z)
+        return side * d, side * nx, side * ny, side * nz
+    c, r = walls.centre[b], walls.rotation[b]
+    px, py, pz = x - c[0] - walls.shift[b, 0], y - c[1] - walls.shift[b, 1], z - c[2] - walls.shift[b, 2]
+    qx = r[0, 0] * px + r[1, 0] * py + r[2, 0] * pz + c[0]
+    qy = r[0, 1] * px + r[1, 1] * py + r[2, 1] * pz + c[1]
+    qz = r[0, 2] * px + r[1, 2] * py + r[2, 2] * pz + c[2]
+    d, gx, gy, gz = signed_distance(walls.kind[s], walls.parameter[s], qx, qy, qz)
+    nx = r[0, 0] * gx + r[0, 1] * gy + r[0, 2] * gz
+    ny = r[1, 0] * gx + r[1, 1] * gy + r[1, 2] * gz
+    nz = r[2, 0] * gx + r[2, 1] * gy + r[2, 2] * gz
+    return side * d, side * nx, side * ny, side * nz
+
+
+@parallel_kernel
+def count_near_walls(position: Array, radius: Array, walls: Bodies, skin: float) -> tuple[Indices, Array]:
+    """Return how many shapes each particle is near, and its least distance φ to any (m)."""
+    n = radius.shape[0]
+    near = np.zeros(n, np.int64)
+    least = np.full(n, np.inf)
+    for i in prange(n):
+        for s in range(walls.kind.shape[0]):
+            d = wall_distance(walls, s, position[i, 0], position[i, 1], position[i, 2])[0]
+            least[i] = min(least[i], d)
+            if d < radius[i] + skin:
+                near[i] += 1
+    return near, least
+
+
+@kernel
+def list_walls(
+    i: int,
+    position: Array,
+    radius: Array,
+    walls: Bodies,
+    skin: float,
+    before: int,
+    old: NearWalls,
+    old_spring: Array,
+    new: NearWalls,
+    new_spring: Array,
+) -> None:
+    """List the shapes near particle i, with the contacts that its row `before` of the old list had."""
+    entry = new.first[i]
+    for s in range(walls.kind.shape[0]):
+        d = wall_distance(walls, s, position[i, 0], position[i, 1], position[i, 2])[0]
+        if d >= radius[i] + skin or entry >= new.last[i]:
+            continue
+        new.surface[entry] = s
+        for e in range(old.first[before], old.last[before]):
+            if old.surface[e] == s and old.touching[e]:
+                new.touching[entry] = 1
+                if new_spring.shape[0] > 0:
+                    for axis in range(3):
+                        new_spring[entry, axis] = old_spring[e, axis]
+        entry += 1
+
+
+@parallel_kernel
+def fill_near_walls(
+    position: Array,
+    radius: Array,
+    walls: Bodies,
+    skin: float,
+    order: Indices,
+    old: NearWalls,
+    old_spring: Array,
+    new: NearWalls,
+    new_spring: Array,
+) -> None:
+    """Fill the list, and carry contacts over from the old one, which numbers the particles in another order."""
+    for i in prange(radius.shape[0]):
+        list_walls(i, position, radius, walls, skin, order[i], old, old_spring, new, new_spring)
+
+
+def no_near_walls(n: int) -> NearWalls:
+    """Return a list without entries for n particles."""
+    none = np.zeros(n, np.int64)
+    return NearWalls(none, none.copy(), np.zeros(0, np.int64), np.zeros(0, np.uint8))
+
+
+def rebuilt_near_walls(
+    position: Array,
+    radius: Array,
+    walls: Bodies,
+    skin: float,
+    order: Indices,
+    old: NearWalls,
+    old_spring: Array | None,
+) -> tuple[NearWalls, Array | None, Array]:
+    """Return the list with the contacts of the old one, its springs, and every particle's least distance φ (m)."""
+    near, least = count_near_walls(position, radius, walls, skin)
+    last = np.cumsum(near)
+    entries = int(last[-1])
+    new = NearWalls(last - near, last, np.zeros(entries, np.int64), np.zeros(entries, np.uint8))
+    none = np.zeros((0, 3))
+    spring = None if old_spring is None else np.zeros((entries, 3))
+    fill_near_walls(
+        position,
+        radius,
+        walls,
+        skin,
+        order,
+        old,
+        none if old_spring is None else old_spring,
+        new,
+        none if spring is None else spring,
+    )
+    return new, spring, least
+
+
+def wall_speed(walls: Bodies, position: Array) -> float:
+    """Upper bound of the speed (m/s) of any wall surface within reach of the particles."""
+    fastest = 0.0
+    for b, motion in enumerate(walls.motion):
+        p = walls.law[b]
+        if motion == ROTATING:
+            arm = position - walls.centre[b]
+            arm -= np.outer(arm @ p[:3], p[:3])
+            fastest = max(fastest, abs(p[6]) * float(np.sqrt((arm**2).sum(axis=1).max())))
+        elif motion != FIXED:
+            fastest = max(fastest, float(np.linalg.norm(p[:3])) * (p[3] if p[3] else 1.0))
+    return fastest
+
+
+@kernel
+def add_wall_forces(
+    c: int,
+    position: Array,
+    velocity: Array,
+    spin: Array | None,
+    radius: Array,
+    inverse_mass: Array,
+    chunks: Indices,
+    walls: Bodies,
+    near: NearWalls,
+    spring: Array | None,
+    law: ContactLaw,
+    dt: float,
+    force: Array,
+    torque: Array | None,
+    tally: Array,
+    body_tally: Array,
+) -> None:
+    """Add the forces of the walls on the particles of chunk c, and to each body's impulse and work.
+
+    `tally` (chunks, 2) collects dissipated energy (J) and the largest overlap in radii; `body_tally`
+    (chunks, bodies, 7) what each body gave to the particles. Spin, spring and torque are None in frictionless scenes.
+    """
+    lost, deepest = 0.0, tally[c, 1]
+    for i in range(chunks[c], chunks[c + 1]):
+        x, y, z = position[i, 0], position[i, 1], position[i, 2]
+        for entry in range(near.first[i], near.last[i]):
+            s = near.surface[entry]
+            distance, nx, ny, nz = wall_distance(walls, s, x, y, z)
+            overlap = radius[i] - distance
+            if overlap <= 0.0:
+                if near.touching[entry]:
+                    near.touching[entry] = 0
+                    if spring is not None:
+                        for axis in range(3):
+                            lost += 0.5 * law.tangential_stiffness * spring[entry, axis] ** 2
+                            spring[entry, axis] = 0.0
+                continue
+            is_new = near.touching[entry] == 0
+            near.touching[entry] = 1
+            deepest = max(deepest, overlap / radius[i])
+            reduced = 1.0 / inverse_mass[i]
+            b = walls.body[s]
+            ax = x - distance * nx - walls.centre[b, 0] - walls.shift[b, 0]
+            ay = y - distance * ny - walls.centre[b, 1] - walls.shift[b, 1]
+            az = z - distance * nz - walls.centre[b, 2] - walls.shift[b, 2]
+            tx, ty, tz = walls.turn[b, 0], walls.turn[b, 1], walls.turn[b, 2]
+            wx = walls.velocity[b, 0] + ty * az - tz * ay
+            wy = walls.velocity[b, 1] + tz * ax - tx * az
+            wz = walls.velocity[b, 2] + tx * ay - ty * ax
+            vx, vy, vz = velocity[i, 0] - wx, velocity[i, 1] - wy, velocity[i, 2] - wz
+            speed = vx * nx + vy * ny + vz * nz
+            before, after = contact_shares(overlap, speed, dt, is_new)
+            load, taken = normal_force(overlap, speed, before + after, reduced, law, dt)
+            lost += taken
+            fx, fy, fz = load * nx, load * ny, load * nz
+            if spin is not None and spring is not None and torque is not None:
+                sx, sy, sz = distance * spin[i, 0], distance * spin[i, 1], distance * spin[i, 2]
+                ux = vx - speed * nx - (sy * nz - sz * ny)
+                uy = vy - speed * ny - (sz * nx - sx * nz)
+                uz = vz - speed * nz - (sx * ny - sy * nx)
+                (gx, gy, gz), (px, py, pz), taken = tangential_force(
+                    (nx, ny, nz),
+                    (ux, uy, uz),
+                    (spring[entry, 0], spring[entry, 1], spring[entry, 2]),
+                    load,
+                    before + after,
+                    reduced,
+                    law,
+                    dt,
+                    before * dt if is_new else dt,
+                )
+                spring[entry, 0], spring[entry, 1], spring[entry, 2] = px, py, pz
+                lost += taken
+                fx, fy, fz = fx + gx, fy + gy, fz + gz
+                torque[i, 0] -= distance * (ny * gz - nz * gy)
+                torque[i, 1] -= distance * (nz * gx - nx * gz)
+                torque[i, 2] -= distance * (nx * gy - ny * gx)
+            force[i, 0] += fx
+            force[i, 1] += fy
+            force[i, 2] += fz
+            given = body_tally[c, b]
+            given[0] += fx * dt
+            given[1] += fy * dt
+            given[2] += fz * dt
+            given[3] += (ay * fz - az * fy) * dt
+            given[4] += (az * fx - ax * fz) * dt
+            given[5] += (ax * fy - ay * fx) * dt
+            given[6] += (fx * wx + fy * wy + fz * wz) * dt
+    tally[c, 0] += lost
+    tally[c, 1] = deepest
