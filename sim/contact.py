@@ -1,12 +1,9 @@
 """Contact of two bodies: linear spring, dashpot and Coulomb slider.
 
-The force of paper eq. (4) is evaluated by velocity Verlet with half-step velocities. Two measures keep it second order
-in time, so that a pair set to restitution e rebounds with e:
-
-- the dashpot acts on the velocity at the end of the step, which in a binary contact is the half-step velocity plus
-  dt F / (2 m): solved for F, this divides the force by 1 + w η dt / (2 m);
-- a dashpot jumps from zero to η v at the ends of a contact; there it is weighted by w, the part of the step that was
-  spent in contact.
+The force of paper eq. (4) is evaluated with the velocities that the particles will have at its moment: the half-step
+velocity plus half a step of the last acceleration. A dashpot jumps from zero to η v at the two ends of a contact; there
+its force is weighted by the part of the step that was spent in contact. Both keep velocity Verlet second order, so that
+a pair set to restitution e rebounds with e, and neither acts on particles at rest.
 """
 
 from math import log, pi, sqrt
@@ -17,6 +14,7 @@ from sim.kernel import kernel
 STEPS_PER_CONTACT = 50  # the default time step
 FEWEST_STEPS_PER_CONTACT = 20  # above this a step is refused; below restitution 0.9 the default is also the limit
 NEARLY_ELASTIC = 0.9
+APART, TOUCHING, LEAVING = range(3)  # phase of a contact at the last moment
 TANGENTIAL_COMPLIANCE = 3.5  # 1/m* + r²/I of each of two solid spheres is 7/2 of 1/m*
 
 
@@ -53,32 +51,34 @@ def tangential_time(tangential_stiffness: float, reduced_mass: float) -> float:
 
 
 @kernel
-def contact_shares(overlap: float, separation_speed: float, dt: float, is_new: bool) -> tuple[float, float]:
-    """Parts of a step, before and after this moment, that this force stands for: a half each but at a contact's ends.
+def normal_contact(
+    overlap: float, separation_speed: float, phase: int, reduced_mass: float, law: ContactLaw, dt: float
+) -> tuple[float, float, float, float, int]:
+    """Return the normal force of a contact at this moment, F_n = k δ − w η v_n, its ends resolved within the step.
 
-    A new contact began overlap / approach speed ago, and no earlier force covered that time; a contact that separates
-    ends overlap / separation speed from now, and no later force will.
+    A force stands for half a step before and half a step after its moment. But a new contact began overlap / approach
+    speed ago, a time that no earlier force covered; and one that will have separated before the next moment ends
+    overlap / separation speed from now. Returns the force (N), the energy its dashpot takes (J), the share w of a step
+    that it stands for, the time in contact since the last moment (s), and the phase for the next.
     """
     before, after = 0.5, 0.5
-    if is_new and separation_speed < 0.0:
-        before = min(-overlap / (separation_speed * dt), 1.0)
-    if separation_speed > 0.0:
-        remaining = overlap / (separation_speed * dt)
-        if remaining < 1.0:
-            after = remaining
-    return before, after
-
-
-@kernel
-def normal_force(
-    overlap: float, separation_speed: float, share: float, reduced_mass: float, law: ContactLaw, dt: float
-) -> tuple[float, float]:
-    """Repulsion F_n = (k δ − w η v_n) / (1 + w η dt / (2 m*)) in N, and the energy its dashpot takes this step in J."""
-    damping = share * law.damping * sqrt(reduced_mass)
-    lag = 0.5 * dt / reduced_mass
-    force = (law.stiffness * overlap - damping * separation_speed) / (1.0 + damping * lag)
-    speed = separation_speed + lag * force
-    return force, damping * speed * speed * dt
+    elapsed = dt
+    if phase == APART:
+        if separation_speed < 0.0:
+            before = min(-overlap / (separation_speed * dt), 1.0)
+        elapsed = before * dt
+    elif phase == LEAVING:  # the last force stood for this time too
+        before = 0.0
+    phase = TOUCHING
+    damping = law.damping * sqrt(reduced_mass) * separation_speed
+    load = law.stiffness * overlap - (before + after) * damping
+    ahead = (separation_speed + 0.5 * dt * load / reduced_mass) * dt
+    if ahead > overlap:
+        phase = LEAVING
+        after = overlap / ahead
+        load = law.stiffness * overlap - (before + after) * damping
+    share = before + after
+    return load, share * damping * separation_speed * dt, share, elapsed, phase
 
 
 @kernel
@@ -93,38 +93,36 @@ def tangential_force(
     dt: float,
     elapsed: float,
 ) -> tuple[tuple[float, float, float], tuple[float, float, float], float]:
-    """Friction in N, the new tangential spring in m, and the energy dissipated this step in J.
+    """Return friction in N, the tangential spring half a step ahead in m, and the energy dissipated this step in J.
 
-    Trial F* = −k_t δ_t − η_t v_t; where |F*| > μ|F_n| the force is μ|F_n| F*/|F*| and the spring is reset so that
-    −k_t δ_t − η_t v_t equals it. `slip` is the tangential half-step velocity; the spring is first turned into the
-    present contact plane without changing its length; `elapsed` is the time in s that it grows by.
+    Trial F* = −k_t δ_t − w η_t v_t; where |F*| > μ|F_n| the force is μ|F_n| F*/|F*| and the spring is reset so that
+    −k_t δ_t − w η_t v_t equals it. The spring grows by the trapezoidal rule: half a step of this slip velocity now and
+    half a step for the next moment, but by the time in contact, `elapsed` (s), where that is less than a step. It is
+    first turned into the present contact plane without changing its length.
     """
     nx, ny, nz = normal
     vx, vy, vz = slip
     sx, sy, sz = spring
     k = law.tangential_stiffness
-    stored = 0.5 * k * (sx * sx + sy * sy + sz * sz)
+    stored = sx * sx + sy * sy + sz * sz
     along = sx * nx + sy * ny + sz * nz
     px, py, pz = sx - along * nx, sy - along * ny, sz - along * nz
     kept = px * px + py * py + pz * pz
     if kept > 0.0:
-        stretch = sqrt((kept + along * along) / kept)
+        stretch = sqrt(stored / kept)
         px, py, pz = px * stretch, py * stretch, pz * stretch
-    px, py, pz = px + vx * elapsed, py + vy * elapsed, pz + vz * elapsed
+    grows = 0.5 * dt if elapsed == dt else elapsed
+    px, py, pz = px + vx * grows, py + vy * grows, pz + vz * grows
 
     damping = share * law.tangential_damping * sqrt(reduced_mass)
-    lag = 0.5 * dt * TANGENTIAL_COMPLIANCE / reduced_mass
-    scale = -1.0 / (1.0 + damping * lag)
-    fx, fy, fz = (k * px + damping * vx) * scale, (k * py + damping * vy) * scale, (k * pz + damping * vz) * scale
+    fx, fy, fz = -k * px - damping * vx, -k * py - damping * vy, -k * pz - damping * vz
     limit = law.friction * abs(normal_load)
     trial = sqrt(fx * fx + fy * fy + fz * fz)
-    slides = trial > limit
-    if slides:
+    if trial > limit:
         cut = limit / trial
         fx, fy, fz = fx * cut, fy * cut, fz * cut
-    ux, uy, uz = vx + lag * fx, vy + lag * fy, vz + lag * fz
-    if slides:
-        px, py, pz = -(fx + damping * ux) / k, -(fy + damping * uy) / k, -(fz + damping * uz) / k
-    work = -(fx * ux + fy * uy + fz * uz) * dt
-    lost = work + stored - 0.5 * k * (px * px + py * py + pz * pz)
-    return (fx, fy, fz), (px, py, pz), lost
+        px, py, pz = -(fx + damping * vx) / k, -(fy + damping * vy) / k, -(fz + damping * vz) / k
+    half = 0.5 * dt
+    px, py, pz = px + vx * half, py + vy * half, pz + vz * half
+    work = -(fx * vx + fy * vy + fz * vz) * dt
+    return (fx, fy, fz), (px, py, pz), work + 0.5 * k * (stored - px * px - py * py - pz * pz)

@@ -8,7 +8,8 @@ numba's version: any edit starts a fresh one.
 import hashlib
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -50,6 +51,17 @@ def _compiled(function: F, **options: Any) -> F:
     finally:
         config.CACHE_DIR = previous
     return compiled
+
+
+@contextmanager
+def threads_for(pieces: int) -> Iterator[None]:
+    """Use no more threads than there are pieces of work: an idle one costs a hand-over every step."""
+    allowed = numba.get_num_threads()
+    numba.set_num_threads(max(1, min(allowed, pieces)))
+    try:
+        yield
+    finally:
+        numba.set_num_threads(allowed)
 
 
 def kernel(function: F) -> F:

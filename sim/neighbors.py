@@ -26,7 +26,7 @@ class Neighbors(NamedTuple):
     first: Indices  # (n,)
     last: Indices  # (n,)
     partner: Indices  # (capacity,) particle
-    touching: Flags  # (capacity,) 1 while in contact
+    touching: Flags  # (capacity,) phase of the contact, 0 while apart
     spring: Array | None  # (capacity, 3) m, tangential displacement as seen by the listing particle
 
 
@@ -168,7 +168,7 @@ def inherit_chunk(c: int, order: Indices, old: Neighbors, old_spring: Array, new
                 before = inherited_entry(old, order[new.partner[entry]], order[i])
             if before < 0:
                 continue
-            new.touching[entry] = 1
+            new.touching[entry] = old.touching[before]
             if with_spring:
                 for axis in range(3):
                     new_spring[entry, axis] = sign * old_spring[before, axis]

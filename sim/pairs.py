@@ -2,7 +2,7 @@
 
 from math import sqrt
 
-from sim.contact import ContactLaw, contact_shares, normal_force, tangential_force
+from sim.contact import ContactLaw, normal_contact, tangential_force
 from sim.kernel import Array, kernel
 from sim.neighbors import Neighbors
 
@@ -54,16 +54,16 @@ def add_pair_forces(
             distance = sqrt(square)
             overlap = reach - distance
             nx, ny, nz = nx / distance, ny / distance, nz / distance
-            is_new = listed.touching[entry] == 0
-            listed.touching[entry] = 1
             deepest = max(deepest, overlap / min(radius[i], radius[j]))
             reduced = 1.0 / (inverse_mass[i] + inverse_mass[j])
             vx = velocity[i, 0] - velocity[j, 0]
             vy = velocity[i, 1] - velocity[j, 1]
             vz = velocity[i, 2] - velocity[j, 2]
             speed = vx * nx + vy * ny + vz * nz
-            before, after = contact_shares(overlap, speed, dt, is_new)
-            load, taken = normal_force(overlap, speed, before + after, reduced, law, dt)
+            load, taken, share, elapsed, phase = normal_contact(
+                overlap, speed, listed.touching[entry], reduced, law, dt
+            )
+            listed.touching[entry] = phase
             lost += count * taken
             px, py, pz = load * nx, load * ny, load * nz
             if spin is not None and spring is not None and torque is not None:
@@ -79,11 +79,11 @@ def add_pair_forces(
                     (ux, uy, uz),
                     (spring[entry, 0], spring[entry, 1], spring[entry, 2]),
                     load,
-                    before + after,
+                    share,
                     reduced,
                     law,
                     dt,
-                    before * dt if is_new else dt,
+                    elapsed,
                 )
                 spring[entry, 0], spring[entry, 1], spring[entry, 2] = hx, hy, hz
                 lost += count * taken

@@ -8,7 +8,7 @@ from sim.assembly import law_of, walls_of
 from sim.energy import Ledger, kinetic_energy, pair_elastic_energy, rotational_energy, wall_elastic_energy
 from sim.errors import LimitError
 from sim.gravity import potential_energy
-from sim.kernel import Array
+from sim.kernel import Array, threads_for
 from sim.neighbors import cell_grid, empty_neighbors, rebuilt_neighbors, sort_by_cell, without_spring
 from sim.overlap import deepest_pair, deepest_wall
 from sim.pairs import TALLY
@@ -46,7 +46,8 @@ class Simulation:
         self.tally = np.zeros((chunks, TALLY))
         self.body_tally = np.zeros((chunks, len(scene.walls), BODY_TALLY))
         self.reported = np.zeros((len(scene.walls), BODY_TALLY))
-        self.rebuild()
+        with threads_for(chunks):
+            self.rebuild()
         check_pairs(scene, self.particles, without_spring(self.listed))
         self._fill_starting_forces()
 
@@ -80,37 +81,44 @@ class Simulation:
     def advance_to(self, step: int) -> None:
         """Run to a step; stops with LimitError where an overlap passes the limit."""
         drifted = False
-        while self.step < step:
-            p = self.particles
-            done, drifted = advance(
-                Step(self.step, self.listed_step, self.dt, self.skin, self.wall_speed, self.scene.limits.max_overlap),
-                step - self.step,
-                drifted,
-                p.position,
-                p.velocity,
-                p.spin,
-                p.radius,
-                p.inverse_mass,
-                self.force,
-                self.torque,
-                self.gravity,
-                without_spring(self.listed),
-                self.listed_at,
-                self.listed.spring,
-                self.pair_law,
-                self.walls,
-                self.near,
-                self.wall_spring,
-                self.wall_law,
-                self.tally,
-                self.body_tally,
-            )
-            self.step += done
-            if drifted:
-                self.step += 1  # positions and walls already stand at the next step
-                self.rebuild()
-                self.step -= 1
-            self._check_overlap()
+        with threads_for(len(self.listed.chunks) - 1):
+            while self.step < step:
+                done, drifted = self._advance(step - self.step, drifted)
+                self.step += done
+                if drifted:
+                    self.step += 1  # positions and walls already stand at the next step
+                    self.rebuild()
+                    self.step -= 1
+                self._check_overlap()
+
+    def _advance(self, steps: int, drifted: bool) -> tuple[int, bool]:
+        p = self.particles
+        limit = self.scene.limits.max_overlap
+        return advance(
+            Step(self.step, self.listed_step, self.dt, self.skin, self.wall_speed, limit),
+            steps,
+            drifted,
+            p.position,
+            p.velocity,
+            p.spin,
+            p.coming,
+            p.coming_spin,
+            p.radius,
+            p.inverse_mass,
+            self.force,
+            self.torque,
+            self.gravity,
+            without_spring(self.listed),
+            self.listed_at,
+            self.listed.spring,
+            self.pair_law,
+            self.walls,
+            self.near,
+            self.wall_spring,
+            self.wall_law,
+            self.tally,
+            self.body_tally,
+        )
 
     def snapshot(self) -> Snapshot:
         """Return the present moment in the scene's order of particles."""

@@ -42,14 +42,17 @@ def starting_particles(scene: Scene, walls: Bodies | None) -> Particles:
             "particles.angular_velocity: contact.friction is 0, so nothing turns in this scene; "
             "leave it out or add friction"
         )
+    velocity = np.concatenate([_rows(table.velocity, n) for table, n in columns])
     particles = Particles(
         np.concatenate(position),
-        np.concatenate([_rows(table.velocity, n) for table, n in columns]),
+        velocity,
         np.repeat([table.diameter / 2.0 for table in scene.particles], sizes),
         np.repeat([1.0 / particle_mass(table) for table in scene.particles], sizes),
         np.arange(sum(sizes)),
         np.repeat(np.arange(len(sizes)), sizes),
         spin if scene.turns else None,
+        velocity.copy(),
+        spin.copy() if scene.turns else None,
     )
     _refuse_infinite(particles)
     return particles

@@ -15,6 +15,8 @@ class Particles(NamedTuple):
     id: Indices  # (n,) rank in the scene
     species: Indices  # (n,) index of the scene's `particles` table
     spin: Array | None  # (n, 3) rad/s; absent where nothing turns a particle
+    coming: Array  # (n, 3) m/s, velocity foreseen for the end of the step
+    coming_spin: Array | None  # (n, 3) rad/s
 
 
 class Snapshot(NamedTuple):
@@ -39,7 +41,7 @@ def inertia(particles: Particles) -> Array:
 
 def reordered(particles: Particles, order: Indices) -> Particles:
     """Return the same particles with row k taken from row order[k]."""
-    spin = particles.spin
+    spin, coming_spin = particles.spin, particles.coming_spin
     return Particles(
         particles.position[order],
         particles.velocity[order],
@@ -48,4 +50,6 @@ def reordered(particles: Particles, order: Indices) -> Particles:
         particles.id[order],
         particles.species[order],
         None if spin is None else spin[order],
+        particles.coming[order],
+        None if coming_spin is None else coming_spin[order],
     )

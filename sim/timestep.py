@@ -57,7 +57,7 @@ def time_step(scene: Scene) -> tuple[float, int]:
     limits = time_limits(scene)
     wanted = scene.time.step or min(limit.advised for limit in limits)
     binding = min(limits, key=lambda limit: limit.largest)
-    if wanted > binding.largest:
+    if wanted > binding.largest * (1.0 + 1e-6):  # a step meant to be the limit passes in spite of rounding
         raise InputError(
             f"time.step = {wanted:g} s: above the limit of {binding.largest:.3g} s set by the {binding.term} spring "
             f"(stiffness {scene.contact.stiffness:g} N/m); lower the step, or leave it out for {_advice(limits):.3g} s"

@@ -79,7 +79,7 @@ def fill_forces(
 
 
 @kernel
-def kick(
+def half_kick(
     i: int,
     half: float,
     gravity: Vector | None,
@@ -89,14 +89,21 @@ def kick(
     inverse_mass: Array,
     force: Array,
     torque: Array | None,
+    kicked: Array,
+    kicked_spin: Array | None,
 ) -> None:
-    """Advance velocity and spin of particle i by half a step: dv = (F/m + g) dt/2, dω = T/I dt/2 (paper (1), (2))."""
+    """Put into row i what velocity and spin are half a step later: dv = (F/m + g) dt/2, dω = T/I dt/2 (paper (1), (2)).
+
+    The results may be the arguments themselves.
+    """
     for axis in range(3):
-        velocity[i, axis] += half * inverse_mass[i] * force[i, axis]
+        gained = inverse_mass[i] * force[i, axis]
         if gravity is not None:
-            velocity[i, axis] += half * gravity[axis]
-        if spin is not None and torque is not None:
-            spin[i, axis] += half * 2.5 * inverse_mass[i] / (radius[i] * radius[i]) * torque[i, axis]
+            gained += gravity[axis]
+        kicked[i, axis] = velocity[i, axis] + half * gained
+        if spin is not None and torque is not None and kicked_spin is not None:
+            inverse_inertia = 2.5 * inverse_mass[i] / (radius[i] * radius[i])
+            kicked_spin[i, axis] = spin[i, axis] + half * inverse_inertia * torque[i, axis]
 
 
 @parallel_kernel
@@ -107,6 +114,8 @@ def advance(
     position: Array,
     velocity: Array,
     spin: Array | None,
+    coming: Array,
+    coming_spin: Array | None,
     radius: Array,
     inverse_mass: Array,
     force: Array,
@@ -125,8 +134,10 @@ def advance(
 ) -> tuple[int, bool]:
     """Do up to `steps` steps of half kick, drift, forces, half kick; return how many, and whether the list is stale.
 
-    Returns early when a particle may have left its listed neighbourhood: positions are then drifted and the next call
-    begins with the forces (`drifted`); or when the largest overlap in `tally` passes the limit.
+    `coming` and `coming_spin` (n, 3) are what velocity and spin will be at the end of a step if accelerations last: the
+    forces are evaluated with them. Returns early when a particle may have left its listed neighbourhood: positions are
+    then drifted and the next call begins with the forces (`drifted`); or when the largest overlap in `tally` passes the
+    limit.
     """
     chunks = listed.chunks
     n_chunks = chunks.shape[0] - 1
@@ -140,7 +151,10 @@ def advance(
                 farthest = 0.0
                 for i in range(chunks[c], chunks[c + 1]):
                     for _ in range(kicks):
-                        kick(i, half, gravity, velocity, spin, radius, inverse_mass, force, torque)
+                        half_kick(i, half, gravity, velocity, spin, radius, inverse_mass, force, torque, velocity, spin)
+                    half_kick(
+                        i, half, gravity, velocity, spin, radius, inverse_mass, force, torque, coming, coming_spin
+                    )
                     moved = 0.0
                     for axis in range(3):
                         position[i, axis] += step.dt * velocity[i, axis]
@@ -158,8 +172,8 @@ def advance(
         fill_forces(
             step.dt,
             position,
-            velocity,
-            spin,
+            coming,
+            coming_spin,
             radius,
             inverse_mass,
             force,
@@ -179,5 +193,5 @@ def advance(
         if tally[:, 1].max() > step.max_overlap:
             break
     for i in prange(position.shape[0]):
-        kick(i, half, gravity, velocity, spin, radius, inverse_mass, force, torque)
+        half_kick(i, half, gravity, velocity, spin, radius, inverse_mass, force, torque, velocity, spin)
     return done, False

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import prange
 
-from sim.contact import ContactLaw, contact_shares, normal_force, tangential_force
+from sim.contact import ContactLaw, normal_contact, tangential_force
 from sim.kernel import Array, Flags, Indices, kernel, parallel_kernel
 from sim.motion import FIXED, ROTATING, Bodies
 from sim.shapes import signed_distance
@@ -23,7 +23,7 @@ class NearWalls(NamedTuple):
     first: Indices  # (n,)
     last: Indices  # (n,)
     surface: Indices  # (capacity,)
-    touching: Flags  # (capacity,)
+    touching: Flags  # (capacity,) phase of the contact, 0 while apart
 
 
 @kernel
@@ -83,7 +83,7 @@ def list_walls(
         new.surface[entry] = s
         for e in range(old.first[before], old.last[before]):
             if old.surface[e] == s and old.touching[e]:
-                new.touching[entry] = 1
+                new.touching[entry] = old.touching[e]
                 if new_spring.shape[0] > 0:
                     for axis in range(3):
                         new_spring[entry, axis] = old_spring[e, axis]
@@ -196,8 +196,6 @@ def add_wall_forces(
                             lost += 0.5 * law.tangential_stiffness * spring[entry, axis] ** 2
                             spring[entry, axis] = 0.0
                 continue
-            is_new = near.touching[entry] == 0
-            near.touching[entry] = 1
             deepest = max(deepest, overlap / radius[i])
             reduced = 1.0 / inverse_mass[i]
             b = walls.body[s]
@@ -210,8 +208,8 @@ def add_wall_forces(
             wz = walls.velocity[b, 2] + tx * ay - ty * ax
             vx, vy, vz = velocity[i, 0] - wx, velocity[i, 1] - wy, velocity[i, 2] - wz
             speed = vx * nx + vy * ny + vz * nz
-            before, after = contact_shares(overlap, speed, dt, is_new)
-            load, taken = normal_force(overlap, speed, before + after, reduced, law, dt)
+            load, taken, share, elapsed, phase = normal_contact(overlap, speed, near.touching[entry], reduced, law, dt)
+            near.touching[entry] = phase
             lost += taken
             fx, fy, fz = load * nx, load * ny, load * nz
             if spin is not None and spring is not None and torque is not None:
@@ -224,11 +222,11 @@ def add_wall_forces(
                     (ux, uy, uz),
                     (spring[entry, 0], spring[entry, 1], spring[entry, 2]),
                     load,
-                    before + after,
+                    share,
                     reduced,
                     law,
                     dt,
-                    before * dt if is_new else dt,
+                    elapsed,
                 )
                 spring[entry, 0], spring[entry, 1], spring[entry, 2] = px, py, pz
                 lost += taken

@@ -1,0 +1,59 @@
+"""The plan of `run.h5`: which dataset holds what, and how large it is."""
+
+import math
+from typing import Any
+
+import h5py
+
+from suffice.quantities import Grid, Quantity
+from suffice.refusal import Refusal
+
+VERSION = 1  # of this plan
+PLAN = "suffice/layout"  # the version a file was made by; without it, HDF5 is no run
+COUNTER = "suffice/complete"  # snapshots that are complete; written last
+TIME = "suffice/time"  # (steps,) s
+SERIES = "suffice/series"  # diagnostics over time, (steps,) each
+PROVENANCE = "suffice/provenance"  # what made the run, one text each
+VERTICES = "suffice/vertices"  # 0 … n, connectivity and offsets of one vertex per particle, for the views
+ID, RADIUS, SPECIES = "particles/id", "particles/radius", "particles/species"  # once per run, (n,)
+ORIGIN, SPACING = "fluid/origin", "fluid/spacing"  # of the grid, (3,) m
+
+
+def shape_of(quantity: Quantity, n_snapshots: int, n: int, grid: Grid | None) -> tuple[int, ...]:
+    """Return the shape of its dataset: (steps·n, 3) on particles, (steps, z, y, x[, 3]) in cells."""
+    vector = (quantity.components,) if quantity.components > 1 else ()
+    if not quantity.of_fluid:
+        return (n_snapshots * n, *vector)
+    if grid is None:
+        raise ValueError(f"{quantity.dataset} needs a grid")
+    return (n_snapshots, *grid.shape, *vector)
+
+
+def index_of(quantity: Quantity, k: int, n: int) -> slice | int:
+    """Return where snapshot k lies along the first axis of the dataset."""
+    return k if quantity.of_fluid else slice(k * n, (k + 1) * n)
+
+
+def bytes_of(shapes: list[tuple[int, ...]], itemsize: int) -> int:
+    """Return the bytes that datasets of these shapes take."""
+    return itemsize * sum(math.prod(shape) for shape in shapes)
+
+
+def hard_node(file: Any, name: str) -> Any:
+    """Return a group or dataset that lies in this file itself, or None where there is none.
+
+    Raises `Refusal` where it leads out of the file by a link, a virtual dataset or external storage: a run that came
+    from elsewhere must not make us read other files.
+    """
+    node = file
+    for part in name.split("/"):
+        if not isinstance(node, h5py.Group) or part not in node:
+            return None
+        if not isinstance(node.get(part, getlink=True), h5py.HardLink):
+            raise Refusal(f"{file.filename}: {name} is a link; a run holds its own data: copy them into it")
+        node = node[part]
+    if isinstance(node, h5py.Dataset) and (node.is_virtual or node.external):
+        raise Refusal(f"{file.filename}: {name} lies in another file; a run holds its own data: copy them into it")
+    if isinstance(node, h5py.Dataset) and node.dtype.kind not in "fiS":  # references, and lengths that HDF5 trusts
+        raise Refusal(f"{file.filename}: {name} holds neither numbers nor plain text; make the run again")
+    return node

@@ -1,0 +1,132 @@
+"""Somebody else's run, brought into `run.h5`."""
+
+from collections.abc import Callable, Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from suffice.readers.clock import Clock, physical_times
+from suffice.readers.dump import Dump
+from suffice.readers.text import open_text
+from suffice.readers.trajectory import Frame, Trajectory, followed
+from suffice.refusal import Refusal
+from suffice.store import RunWriter
+
+READERS: Mapping[str, Callable[[Sequence[Path]], Trajectory]] = {"lammps": Dump, "liggghts": Dump}
+
+
+class Imported(NamedTuple):
+    """What an import made of a source."""
+
+    path: Path
+    n_snapshots: int
+    n_particles: int
+    times: NDArray[np.float64]  # (snapshots,) s
+    variables: tuple[str, ...]
+    ignored: tuple[str, ...]  # columns of the source that were left out
+    notes: tuple[str, ...]  # how the source was understood
+
+
+def import_run(
+    sources: str | Path | Sequence[str | Path],
+    output: str | Path,
+    *,
+    format: str | None = None,
+    interval: float | None = None,
+    timestep: float | None = None,
+    diameter: float | None = None,
+    precision: Literal["single", "double"] = "single",
+    progress: Callable[[int, int], None] | None = None,
+) -> Imported:
+    """Read one run from its files, in the order of time, and write it to `output`.
+
+    The time of a snapshot is the source's own, its step × `timestep`, or 0, 1, 2 … × `interval`, in s. `diameter` in m
+    is that of the particles where the source does not say it; a radius nobody says is NaN. `format` is a name of
+    `READERS`, otherwise the content tells. `progress` is called with (snapshots done, all). Memory is that of one
+    snapshot. Raises `Refusal` with one message, and then leaves no output behind.
+    """
+    paths = [Path(source) for source in ([sources] if isinstance(sources, str | Path) else sources)]
+    name = format or detect_format(paths)
+    if name not in READERS:
+        raise Refusal(f"--format {name} is not known; use {' or '.join(READERS)}")
+    trajectory = READERS[name](paths)
+    clock = physical_times(trajectory.steps, trajectory.times, interval, timestep)
+    notes = (*trajectory.notes, f"times from {clock.origin}")
+    provenance = {
+        "source": "\n".join(map(str, paths)),
+        "format": name,
+        "ignored": " ".join(trajectory.ignored),
+        "notes": "\n".join(notes),
+        "suffice": version("suffice"),
+    }
+    n = _write(trajectory, clock, Path(output), diameter, precision, provenance, progress or _silent)
+    variables, ignored = tuple(trajectory.variables), tuple(trajectory.ignored)
+    return Imported(Path(output), len(clock.times), n, clock.times, variables, ignored, notes)
+
+
+def detect_format(paths: Sequence[Path]) -> str:
+    """Return the name in `READERS` of what the first file holds. Raises `Refusal` when it is none of them."""
+    if not paths:
+        raise Refusal("no source is named; give the files of one run")
+    with open_text(paths[0]) as text:
+        start = text.block(1)[:80]
+    if start.startswith(b"ITEM:"):
+        return "lammps"
+    problem = f"begins with {start[:40]!r}, which is no format suffice reads" if start else "is empty"
+    raise Refusal(f"source {paths[0]} {problem}; give the text of a LAMMPS or LIGGGHTS `dump custom`")
+
+
+def _write(
+    trajectory: Trajectory,
+    clock: Clock,
+    output: Path,
+    diameter: float | None,
+    precision: Literal["single", "double"],
+    provenance: Mapping[str, str],
+    progress: Callable[[int, int], None],
+) -> int:
+    """Write all snapshots and return how many particles each has."""
+    frames = followed(trajectory.frames())
+    first = next(frames)
+    n, n_snapshots = len(first.ids), len(clock.times)
+    with RunWriter(
+        output,
+        ids=first.ids,
+        radius=_radius(first, diameter),
+        species=np.ones(n, np.int64) if first.species is None else first.species,
+        n_snapshots=n_snapshots,
+        variables=tuple(first.values),
+        provenance=provenance,
+        precision=precision,
+        beside=True,
+    ) as run:
+        run.append(clock.times[0], first.values)
+        for done, frame in enumerate(frames, start=1):
+            progress(done, n_snapshots)
+            run.append(clock.times[done], frame.values)
+    progress(n_snapshots, n_snapshots)
+    return n
+
+
+def _silent(_done: int, _all: int) -> None:
+    """Show no progress."""
+
+
+def _radius(frame: Frame, diameter: float | None) -> NDArray[np.float64]:
+    """Return the radius of every particle, (n,) m: the source's own, half of `diameter`, or NaN."""
+    if diameter is not None and not (np.isfinite(diameter) and diameter > 0):
+        raise Refusal(f"--diameter is {diameter:g} m; it must be a positive length in m")
+    if frame.radius is None:
+        return np.full(len(frame.ids), np.nan if diameter is None else diameter / 2)
+    if not (frame.radius > 0).all():
+        i = int(np.argmin(frame.radius))
+        raise Refusal(f"{frame.where}: particle id {frame.ids[i]} has radius {frame.radius[i]:g} m, not a positive one")
+    if diameter is not None and not np.allclose(2 * frame.radius, diameter, rtol=1e-5, atol=0):
+        raise Refusal(
+            f"--diameter is {diameter:g} m, but {frame.where} has diameters from {2 * frame.radius.min():g} to "
+            f"{2 * frame.radius.max():g} m; leave --diameter out"
+        )
+    return frame.radius

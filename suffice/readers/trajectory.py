@@ -1,0 +1,92 @@
+"""The particles of one snapshot, the same and in the same order as in every other."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from suffice.refusal import Refusal
+
+
+class Frame(NamedTuple):
+    """One snapshot as its source holds it, in SI units."""
+
+    where: str  # how to find it in the source, for messages
+    ids: NDArray[np.int64]  # (n,)
+    values: Mapping[str, NDArray[np.float64]]  # (n, 3) each
+    radius: NDArray[np.float64] | None  # (n,) m
+    species: NDArray[np.int64] | None  # (n,)
+
+
+class Trajectory(Protocol):
+    """What a reader gives: how many snapshots there are and when, then the snapshots themselves, one at a time."""
+
+    @property
+    def steps(self) -> NDArray[np.int64]:
+        """Time step number of every snapshot, (snapshots,)."""
+
+    @property
+    def times(self) -> NDArray[np.float64] | None:
+        """Physical time of every snapshot in s, (snapshots,), where the source says it."""
+
+    @property
+    def variables(self) -> Sequence[str]:
+        """What it knows of every particle in every snapshot, names of `QUANTITIES`."""
+
+    @property
+    def ignored(self) -> Sequence[str]:
+        """Columns or fields of the source that are not used."""
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What the user should know about how the source was understood."""
+
+    def frames(self) -> Iterator[Frame]:
+        """Read the snapshots in the order of time, holding one in memory."""
+
+
+def followed(frames: Iterable[Frame]) -> Iterator[Frame]:
+    """Give every snapshot its particles in ascending id, the same ones with the same radius in each.
+
+    Raises `Refusal` naming the first particle that is twice in a snapshot, lost, new, or of another radius.
+    """
+    first: Frame | None = None
+    for frame in map(_by_id, frames):
+        first = first or frame
+        if not np.array_equal(frame.ids, first.ids):
+            raise Refusal(_difference(frame, first))
+        if frame.radius is not None and first.radius is not None and not np.array_equal(frame.radius, first.radius):
+            i = int(np.argmax(frame.radius != first.radius))
+            raise Refusal(
+                f"{frame.where}: particle id {frame.ids[i]} has radius {frame.radius[i]:g} m, but "
+                f"{first.radius[i]:g} m at {first.where}; import snapshots in which radii stay"
+            )
+        yield frame
+
+
+def _by_id(frame: Frame) -> Frame:
+    order = np.argsort(frame.ids, kind="stable")
+    ids = frame.ids[order]
+    if (twice := np.flatnonzero(ids[1:] == ids[:-1])).size:
+        raise Refusal(f"{frame.where}: particle id {ids[twice[0]]} stands there twice; every particle needs its own id")
+    return Frame(
+        frame.where,
+        ids,
+        {name: values[order] for name, values in frame.values.items()},
+        None if frame.radius is None else frame.radius[order],
+        None if frame.species is None else frame.species[order],
+    )
+
+
+def _difference(frame: Frame, first: Frame) -> str:
+    lost, new = np.setdiff1d(first.ids, frame.ids), np.setdiff1d(frame.ids, first.ids)
+    if lost.size:
+        return (
+            f"{frame.where}: particle id {lost[0]} is missing ({lost.size} of {first.ids.size} lost since "
+            f"{first.where}); every snapshot must hold the same particles: import those before, or dump those that stay"
+        )
+    return (
+        f"{frame.where}: particle id {new[0]} is new ({new.size} more than at {first.where}); "
+        "every snapshot must hold the same particles: import those after the last insertion"
+    )

@@ -1,0 +1,85 @@
+"""The neighbour list against all pairs, and the contacts it carries."""
+
+import numba
+import numpy as np
+import pytest
+
+from sim import parse_scene, scene_text, simulate
+from sim.neighbors import cell_grid, empty_neighbors, rebuilt_neighbors, sort_by_cell, without_spring
+
+
+def build(position, radius, skin, old=None):
+    grid = cell_grid(position, 2 * radius.max() + skin)
+    order, start = sort_by_cell(position, grid)
+    old = old or empty_neighbors(len(radius), 1, True)
+    return order, rebuilt_neighbors(position[order], radius[order], order, start, grid, skin, old)
+
+
+def pairs_of(order, listed):
+    """Return every entry as (lister, partner), numbered as before sorting."""
+    return [
+        (order[i], order[listed.partner[e]]) for i in range(len(order)) for e in range(listed.first[i], listed.last[i])
+    ]
+
+
+@pytest.mark.parametrize("n", [2, 40, 3000])
+@pytest.mark.parametrize("stretch", [(1, 1, 1), (30, 0.2, 0.2), (1, 1, 0)])
+def test_list_holds_every_near_pair_once_within_a_chunk_and_twice_across(n, stretch):
+    rng = np.random.default_rng(n)
+    position = rng.uniform(0, n ** (1 / 3), (n, 3)) * np.array(stretch) * 1e-3
+    radius = rng.uniform(2e-4, 6e-4, n)
+    skin = 1e-4
+    order, listed = build(position, radius, skin)
+    distance = np.linalg.norm(position[:, None] - position[None], axis=2)
+    near = np.triu(distance < radius[:, None] + radius[None] + skin, 1)
+    expected = {(int(i), int(j)) for i, j in zip(*np.nonzero(near), strict=True)}
+    found = pairs_of(order, listed)
+    place = np.argsort(order)
+    chunk = np.searchsorted(listed.chunks, place, side="right")
+    assert {(min(int(i), int(j)), max(int(i), int(j))) for i, j in found} == expected
+    crossing = sum(chunk[i] != chunk[j] for i, j in expected)
+    assert len(found) == len(expected) + crossing
+
+
+def test_contacts_survive_a_new_order_with_the_sign_of_their_spring():
+    rng = np.random.default_rng(5)
+    n = 2500
+    position = rng.uniform(0, 12e-3, (n, 3))
+    radius = np.full(n, 5e-4)
+    order, listed = build(position, radius, 1e-4)
+
+    def spring_of(i, j):  # antisymmetric, so that both partners of a pair agree
+        return np.array([i - j, (i - j) * (i + j), np.sin(i) - np.sin(j)], float)
+
+    for i in range(n):
+        for e in range(listed.first[i], listed.last[i]):
+            listed.touching[e] = 1
+            listed.spring[e] = spring_of(order[i], order[listed.partner[e]])
+    # the next list is in another order: the axes change places
+    now = position[order][:, [2, 0, 1]]
+    again, moved = build(now, radius, 1e-4, listed)
+    names = order[again]
+    assert moved.touching.sum() == sum(moved.last - moved.first)
+    for i in range(n):
+        for e in range(moved.first[i], moved.last[i]):
+            np.testing.assert_array_equal(moved.spring[e], spring_of(names[i], names[moved.partner[e]]))
+    assert without_spring(moved).spring is None
+
+
+def test_few_particles_far_apart_do_not_ask_for_cells_without_number():
+    position = np.array([[0.0, 0, 0], [1e3, 0, 0], [0, 1e3, 1e3]])
+    assert np.prod(cell_grid(position, 1e-3).cells) < 1000
+
+
+def test_run_is_bitwise_the_same_on_one_thread_and_on_two():
+    text = scene_text("mini_mill").replace("duration = 0.2", "duration = 0.004")
+    runs = []
+    for threads in (1, 2):
+        before = numba.get_num_threads()
+        numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
+        *_, last = simulate(parse_scene(text))
+        numba.set_num_threads(before)
+        runs.append(last)
+    np.testing.assert_array_equal(runs[0].position, runs[1].position)
+    np.testing.assert_array_equal(runs[0].angular_velocity, runs[1].angular_velocity)
+    assert runs[0].series == runs[1].series
