@@ -53,6 +53,11 @@ def _compiled(function: F, **options: Any) -> F:
     return compiled
 
 
+def most_threads() -> int:
+    """Return the largest number of threads that this process can use."""
+    return int(config.NUMBA_NUM_THREADS)
+
+
 @contextmanager
 def threads_for(pieces: int) -> Iterator[None]:
     """Use no more threads than there are pieces of work: an idle one costs a hand-over every step."""

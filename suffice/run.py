@@ -53,6 +53,11 @@ class Run:
             self._file.close()
             raise
 
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """The names of the stored quantities, vectors as a whole: `position`, `velocity` and so on."""
+        return tuple(self._datasets)
+
     @cached_property
     def variables(self) -> list[str]:
         """The names of the scalar variables: `position.x`, `position.y` and so on."""

@@ -79,6 +79,24 @@ class RunWriter:
             self._discard()
             raise
 
+    @classmethod
+    def resume(cls, path: str | Path, n_complete: int) -> Self:
+        """Open a run again to append after its first `n_complete` snapshots; later ones are forgotten.
+
+        Raises `Refusal` when it is no run, or holds fewer.
+        """
+        with Run(path) as past:
+            if not 0 <= n_complete <= past.n_snapshots:
+                raise Refusal(f"{path} holds {past.n_snapshots} snapshots, not {n_complete}; start the run anew")
+            self = cls.__new__(cls)
+            self.path, self._grid, self._n, self._beside = Path(path), past.grid, past.n_particles, False
+            self.variables, self.n_complete, self._next_view = past.quantities, n_complete, -np.inf
+            self._part = self.path.with_name(f"{self.path.name}.part")
+        self._file = h5py.File(path, "r+", locking=False)
+        self._times = self._file[layout.TIME][()]
+        self._file[layout.COUNTER][()] = n_complete
+        return self
+
     def append(self, time: float, values: Mapping[str, ArrayLike], series: Mapping[str, float] | None = None) -> None:
         """Write the next snapshot, at `time` in s, bring it to the disk, then count it.
 

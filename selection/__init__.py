@@ -1,0 +1,35 @@
+"""Which snapshot interval Δτ is dense enough, decided before any surrogate is trained.
+
+Reading order: `intervals` (which snapshots a candidate keeps), `gram` (the snapshots as inner products), `consistency`
+(projection errors and their ratio R_c), `feasibility` (n_lr, n_c, K_f and the verdict), `resolution` (R_a), `sweep`
+(all of it for every Δτ in one pass).
+"""
+
+from selection.consistency import Consistency, Projection, consistency, project_from_factor, project_from_gram
+from selection.errors import InputError
+from selection.feasibility import Thresholds, consistent_mode, feasibility_index, least_reconstructable_mode
+from selection.gram import ArraySnapshots, Snapshots
+from selection.intervals import default_intervals, dense_interval
+from selection.resolution import resolution_ratio
+from selection.sweep import Candidate, Sweep, sweep
+
+__all__ = [
+    "ArraySnapshots",
+    "Candidate",
+    "Consistency",
+    "InputError",
+    "Projection",
+    "Snapshots",
+    "Sweep",
+    "Thresholds",
+    "consistency",
+    "consistent_mode",
+    "default_intervals",
+    "dense_interval",
+    "feasibility_index",
+    "least_reconstructable_mode",
+    "project_from_factor",
+    "project_from_gram",
+    "resolution_ratio",
+    "sweep",
+]

@@ -1,0 +1,106 @@
+"""How well the modes of the training snapshots represent the snapshots between them."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+EPSILON = float(np.finfo(np.float64).eps)
+ROUND_OFF = 1e-7  # of ‖W̃‖: below it E_train is rounding, and R_c a ratio to rounding
+WEAK = 1e3  # times ε λ₁: below it an inner product knows the size of a mode but not its direction
+
+
+class Projection(NamedTuple):
+    """All testing snapshots on all modes of the training set, about the training mean (paper eqs. (31)-(32))."""
+
+    eigenvalues: Array  # (p,) of A = W̃ W̃ᵀ / m, descending
+    coefficients: Array  # (testing, p)
+    outside: Array  # (testing,) squared norm of what no mode represents; zero at training times
+    training: NDArray[np.intp]  # (m,) where the training snapshots stand among the testing ones
+
+
+class Consistency(NamedTuple):
+    """Errors and their ratios against the number of modes n = 0, 1, … while E_train is above round-off."""
+
+    E_train: Array  # (n,) mean over training times of the RMSE over rows, unit of W
+    E_test: Array  # (n,) the same over all testing times
+    E_gap: Array  # (n,) the same over testing times that are not training times; NaN if there are none
+    R_c: Array  # (n,) E_test / E_train, paper eq. (35)
+    R_gap: Array  # (n,) E_gap / E_train
+    predicted_error: Array  # (n,) relative error of R_c from rounding
+
+
+def project_from_gram(gram: Array, training: NDArray[np.intp]) -> Projection:
+    """Project every snapshot on the modes of a subset, knowing inner products alone.
+
+    C_ij = (w_i - w̄)·(w_j - w̄); C[S,S] = V Σ² Vᵀ; c_j = Σ⁻¹ Vᵀ C[S,j], which is Σ Vᵀ at training times.
+    gram: (testing, testing) inner products about any point; training: (m,) indices S.
+    """
+    to_mean = gram[training].mean(axis=0)
+    centred = gram - to_mean - to_mean[:, None] + to_mean[training].mean()
+    among = centred[np.ix_(training, training)]
+    # centring leaves nothing but rounding along the vector of ones; below zero it cannot pass for a mode
+    square, vectors = np.linalg.eigh(among - np.trace(among) / len(training) ** 2)
+    square, vectors = square[::-1], vectors[:, ::-1]
+    kept = square > EPSILON * max(square[0], 0.0)
+    sigma, vectors = np.sqrt(square[kept]), vectors[:, kept]
+    coefficients = centred[:, training] @ vectors / sigma
+    # a quotient of roundings; what these modes hold of an unseen snapshot is counted outside instead
+    coefficients[:, sigma**2 < WEAK * EPSILON * square[0]] = 0.0
+    coefficients[training] = vectors * sigma
+    # the difference of two nearly equal numbers: this is what squares the condition number
+    outside = np.maximum(np.diag(centred) - np.einsum("ij,ij->i", coefficients, coefficients), 0.0)
+    outside[training] = 0.0
+    return Projection(sigma**2 / len(training), coefficients, outside, training)
+
+
+def project_from_factor(factor: Array, training: NDArray[np.intp]) -> Projection:
+    """Project every snapshot likewise, but from F with FᵀF = (W - w₀)ᵀ(W - w₀), by singular values.
+
+    Residuals are formed as vectors, so the error is ε‖W‖/E and not its square.
+    factor: (N_t, testing) columns of F; training: (m,) indices.
+    """
+    centred = factor - factor[:, training].mean(axis=1, keepdims=True)
+    modes, sigma, rotation = np.linalg.svd(centred[:, training], full_matrices=False)
+    kept = sigma > EPSILON * len(training) * sigma[0]
+    modes, sigma, rotation = modes[:, kept], sigma[kept], rotation[kept]
+    coefficients = centred.T @ modes
+    residual = centred - modes @ coefficients.T
+    coefficients[training] = (rotation * sigma[:, None]).T
+    outside = np.einsum("ij,ij->j", residual, residual)
+    outside[training] = 0.0
+    return Projection(sigma**2 / len(training), coefficients, outside, training)
+
+
+def squared_errors(projection: Projection) -> Array:
+    """Squared norm of what the first n modes leave of each snapshot, (testing, p + 1) for n = 0 … p.
+
+    ‖r‖² + Σ_{i>n} c_i²: a sum of the tail, free of cancellation, where ‖d‖² - Σ_{i≤n} c_i² is not.
+    """
+    tail = np.empty((len(projection.outside), projection.eigenvalues.size + 1))
+    tail[:, -1] = projection.outside
+    tail[:, :-1] = np.square(projection.coefficients)[:, ::-1].cumsum(axis=1)[:, ::-1]
+    tail[:, :-1] += projection.outside[:, None]
+    return tail
+
+
+def consistency(projection: Projection, rows: int, motion: float, exact: bool) -> Consistency:
+    """Consistency ratio R_c(n) = mean E_test / mean E_train (paper eqs. (33)-(35)), and the same over the gaps alone.
+
+    rows: number of rows the RMSE is taken over; motion: ‖W‖, the RMS over all snapshots that rounding is
+    relative to; exact: the projection came from singular values, not from inner products. Evaluated while
+    E_train > 1e-7 ‖W̃‖.
+    """
+    error = np.sqrt(squared_errors(projection) / rows)
+    training = projection.training
+    train = error[training].mean(axis=0)
+    # ‖W̃‖ of the training set, the RMS that its eigenvalues sum to
+    floor = ROUND_OFF * np.sqrt(projection.eigenvalues.sum() / rows)
+    count = int(np.argmin(np.append(train > floor, False)))
+    error, train = error[:, :count], train[:count]
+    gap = np.delete(error, training, axis=0)
+    test = error.mean(axis=0)
+    gaps = gap.mean(axis=0) if len(gap) else np.full(count, np.nan)
+    predicted = EPSILON * (motion / train) ** (1 if exact else 2)
+    return Consistency(train, test, gaps, test / train, gaps / train, predicted)

@@ -1,0 +1,42 @@
+"""All of a run's state as named arrays, so that it goes on bitwise as if it had not been interrupted."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.motion import move_bodies
+from sim.simulation import Simulation
+
+TUPLES = ("particles", "listed", "near")
+ARRAYS = ("force", "torque", "wall_spring", "listed_at", "tally", "body_tally", "reported")
+NUMBERS = ("step", "listed_step", "wall_speed")
+
+
+def state_of(run: Simulation) -> dict[str, NDArray[Any]]:
+    """Return copies of all arrays and numbers of a run, by name; absent terms have no entry."""
+    state = {name: np.asarray(getattr(run, name)) for name in NUMBERS}
+    for name in TUPLES:
+        for field, rows in getattr(run, name)._asdict().items():
+            if rows is not None:
+                state[f"{name}.{field}"] = rows.copy()
+    state |= {name: getattr(run, name).copy() for name in ARRAYS if getattr(run, name) is not None}
+    return state
+
+
+def restore_(run: Simulation, state: dict[str, NDArray[Any]]) -> None:
+    """Put a run of the same scene into a state that `state_of` returned.
+
+    Walls need no entry: their pose is a function of time. Raises KeyError where the state is of another kind of scene.
+    """
+    run.step, run.listed_step = int(state["step"]), int(state["listed_step"])
+    run.wall_speed = float(state["wall_speed"])
+    for name in TUPLES:
+        fields = getattr(run, name)._asdict()
+        kept = {field: None if rows is None else state[f"{name}.{field}"] for field, rows in fields.items()}
+        setattr(run, name, type(getattr(run, name))(**kept))
+    for name in ARRAYS:
+        if getattr(run, name) is not None:
+            setattr(run, name, state[name])
+    if run.walls is not None:
+        move_bodies(run.walls, run.time)

@@ -1,0 +1,269 @@
+"""The command line: one command, one function.
+
+Packages that compute are imported inside the commands, so that `suffice --help` answers at once.
+"""
+
+import sys
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from suffice.door import run_command, write_json
+from suffice.progress import Reporter
+
+app = typer.Typer(
+    name="suffice",
+    help="How much simulation data suffices to train a surrogate of a granular flow, and what each choice costs.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="a run.h5 made by simulate or import")]
+Json = Annotated[
+    str | None, typer.Option("--json", metavar="FILE|-", help="write the answer as JSON; - is standard output")
+]
+Variables = Annotated[
+    list[str] | None, typer.Option("--variable", help="such as position.x or velocity; may be repeated")
+]
+
+
+def _show_version(asked: bool) -> None:
+    if asked:
+        print(f"suffice {version('suffice')}")
+        raise typer.Exit
+
+
+@app.callback()
+def common(
+    context: typer.Context,
+    log_json: Annotated[bool, typer.Option("--log-json", help="report progress as lines of JSON")] = False,
+    _version: Annotated[bool, typer.Option("--version", callback=_show_version, is_eager=True)] = False,
+) -> None:
+    """Take the options that all commands share."""
+    context.obj = Reporter(as_json=log_json)
+
+
+def _say(message: str) -> None:
+    print(message, file=sys.stderr)
+
+
+def _tell(answer: Any, target: str | None) -> bool:
+    """Write the answer as JSON where asked, and return whether there is still a terminal to show it on."""
+    if target is not None:
+        write_json(answer, target)
+    return target != "-"
+
+
+@app.command()
+def study(
+    context: typer.Context,
+    name: Annotated[str, typer.Argument(metavar="STUDY", help="a built-in study, or a TOML file")] = "mini",
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="DIR", help="default ./NAME")] = None,
+) -> None:
+    """Simulate or read, judge every Δτ, train, compare and report; finished stages are not run again."""
+    from suffice.study import run_study
+
+    report = run_study(name, output, context.obj, _say)
+    print(report)
+
+
+@app.command()
+def scenes(name: Annotated[str | None, typer.Argument(help="print this one as TOML, to copy and edit")] = None) -> None:
+    """List the built-in scenes, or print one."""
+    from sim.scene import built_in_scenes
+    from suffice.refusal import Refusal
+
+    known = built_in_scenes()
+    if name is None:
+        for scene, text in known.items():
+            print(f"{scene:<14} {text.splitlines()[0].lstrip('# ')}")
+    elif name in known:
+        print(known[name], end="")
+    else:
+        raise Refusal(f"scene {name!r} is not built in; there are {', '.join(known)}")
+
+
+@app.command()
+def simulate(
+    context: typer.Context,
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="a built-in scene, or a TOML file")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN")],
+    until: Annotated[float | None, typer.Option(help="end, s, instead of the scene's")] = None,
+    seed: Annotated[int | None, typer.Option(help="of the packing, instead of the scene's")] = None,
+    threads: Annotated[int | None, typer.Option(help="default: all")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="go on where an interrupted run stopped")] = False,
+    json: Json = None,
+) -> None:
+    """Run a scene: a high-fidelity run with progress, speed, energy and overlap."""
+    from sim import scene_text
+    from suffice.simulating import simulate_to
+    from suffice.tables import show_facts
+
+    answer = simulate_to(
+        scene_text(scene), scene, output, context.obj, until=until, seed=seed, threads=threads, resume=resume
+    )
+    if _tell(answer, json):
+        show_facts(str(output), answer)
+
+
+@app.command("import")
+def import_(
+    context: typer.Context,
+    sources: Annotated[list[Path], typer.Argument(metavar="SOURCE...", help="files of one run, in any order")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN")],
+    format: Annotated[str | None, typer.Option(help="lammps or liggghts; default: as the content tells")] = None,
+    interval: Annotated[float | None, typer.Option(help="between snapshots, s")] = None,
+    timestep: Annotated[float | None, typer.Option(help="of the other code, s; times are its steps times this")] = None,
+    diameter: Annotated[float | None, typer.Option(help="of the particles, m, if the source does not say")] = None,
+    double: Annotated[bool, typer.Option("--double", help="store double precision instead of single")] = False,
+    json: Json = None,
+) -> None:
+    """Read somebody else's run: LAMMPS and LIGGGHTS dumps, plain, gz or xz."""
+    from suffice.readers import import_run
+    from suffice.tables import show_facts
+
+    with context.obj.stage("import", "snapshots") as advance:
+        made = import_run(
+            list(sources),
+            output,
+            format=format,
+            interval=interval,
+            timestep=timestep,
+            diameter=diameter,
+            precision="double" if double else "single",
+            progress=advance,
+        )
+    answer = {**made._asdict(), "path": str(made.path), "times": [float(made.times[0]), float(made.times[-1])]}
+    if _tell(answer, json):
+        show_facts(str(output), answer)
+
+
+@app.command()
+def info(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="a run or a basis")],
+    json: Json = None,
+) -> None:
+    """Say what a run or a basis holds and what made it."""
+    from suffice.basis_file import read_card
+    from suffice.results import facts_of
+    from suffice.run import Run
+    from suffice.tables import show_facts
+
+    answer = read_card(file)
+    if answer is None:
+        with Run(file) as run:
+            answer = {**facts_of(run), "series": sorted(run.series), **run.provenance}
+    if _tell(answer, json):
+        show_facts(str(file), answer)
+
+
+@app.command()
+def decompose(
+    run_file: RunFile,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="BASIS")],
+    variable: Annotated[str, typer.Option(help="such as position.x or velocity")],
+    interval: Annotated[float | None, typer.Option(help="Δτ between the snapshots used, s; default: all")] = None,
+    energy: Annotated[float | None, typer.Option(help="share of the energy that the modes hold")] = None,
+    modes: Annotated[int | None, typer.Option(help="their number")] = None,
+    tolerance: Annotated[float | None, typer.Option(help="largest RMSE of any snapshot, unit of the variable")] = None,
+    json: Json = None,
+) -> None:
+    """Find the modes of a variable by Lanczos POD."""
+    from suffice.decomposing import decompose_run
+    from suffice.tables import show_facts
+
+    answer = decompose_run(run_file, output, variable, interval, energy, modes, tolerance)
+    if _tell(answer, json):
+        show_facts(str(output), answer)
+
+
+@app.command()
+def select(
+    context: typer.Context,
+    run_file: RunFile,
+    variables: Variables = None,
+    intervals: Annotated[
+        str | None, typer.Option(help="coarse:fine:step or a list, s; default 10 to 2 dense ones")
+    ] = None,
+    energy: Annotated[float | None, typer.Option(help="that n_lr modes hold; default 0.999, fluid 0.99")] = None,
+    consistency: Annotated[float | None, typer.Option(help="R_c that n_c modes keep; default 1.05")] = None,
+    feasibility: Annotated[float | None, typer.Option(help="K_f that suffices; default 2")] = None,
+    json: Json = None,
+) -> None:
+    """Decide for each variable which snapshot interval Δτ suffices: R_c, n_lr, n_c and K_f."""
+    from suffice.run import Run
+    from suffice.selecting import parse_intervals, select_json, select_run
+    from suffice.tables import show_selection
+
+    given = {"energy": energy, "consistency": consistency, "feasibility": feasibility}
+    changed = {name: value for name, value in given.items() if value is not None}
+    steps = None if intervals is None else parse_intervals(intervals)
+    with Run(run_file) as run:
+        with context.obj.stage("select", "variables") as advance:
+            table = select_run(run, variables, steps, changed, advance)
+        answer = select_json(run, table)
+    if _tell(answer, json):
+        show_selection(answer)
+
+
+@app.command()
+def compare(
+    context: typer.Context,
+    run_file: RunFile,
+    variables: Variables = None,
+    interval: Annotated[
+        str | None, typer.Option(help="Δτ as for select --intervals, s; default 10 to 2 dense ones")
+    ] = None,
+    surrogate: Annotated[list[str] | None, typer.Option(help="name; may be repeated; default: all")] = None,
+    max_error: Annotated[
+        str | None, typer.Option(help="largest RMSE: 0.05d in diameters, or in the variable's unit")
+    ] = None,
+    max_seconds: Annotated[float | None, typer.Option(help="longest time for one snapshot, s")] = None,
+    seed: Annotated[int, typer.Option(help="of whatever is random in training")] = 0,
+    json: Json = None,
+) -> None:
+    """Train every surrogate and baseline: error against cost, and the cheapest that keeps a limit."""
+    from suffice.choice import parse_error
+    from suffice.compare import compare as compare_run
+    from suffice.run import Run
+    from suffice.selecting import parse_intervals
+    from suffice.tables import show_comparison
+
+    error, unit = (None, "m") if max_error is None else parse_error(max_error)
+    steps = None if interval is None else parse_intervals(interval)
+    with Run(run_file) as run, context.obj.stage("compare", "cases") as advance:
+        answer = compare_run(
+            run,
+            variables,
+            steps,
+            surrogate,
+            max_error=error,
+            error_unit=unit,
+            max_seconds=max_seconds,
+            seed=seed,
+            progress=advance,
+        )
+    if _tell(answer, json):
+        show_comparison(answer)
+
+
+@app.command()
+def report(folder: Annotated[Path, typer.Argument(metavar="DIR", help="the folder of a study")]) -> None:
+    """Write the HTML page of a study's folder anew."""
+    from suffice.study import make_report
+
+    make_report(folder, folder.resolve().name)
+    print(folder / "report.html")
+
+
+def main() -> None:
+    """Run the command line and leave with its exit code."""
+    sys.exit(run_command(lambda: app(standalone_mode=False)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,43 @@
+"""The state of an interrupted simulation on disk, beside its run."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from suffice.refusal import Refusal
+
+
+def checkpoint_path(run: Path) -> Path:
+    """Return where the state of a run is kept while it is not finished."""
+    return run.with_name(run.name + ".checkpoint")
+
+
+def write_checkpoint(run: Path, state: dict[str, NDArray[Any]]) -> None:
+    """Write the state beside and rename it, so that a complete one always stands."""
+    path = checkpoint_path(run)
+    part = path.with_name(path.name + ".part")
+    with h5py.File(part, "w", locking=False) as file:
+        for name, values in state.items():
+            file[name] = values
+        file.flush()
+        os.fsync(file.id.get_vfd_handle())
+    part.replace(path)
+
+
+def read_checkpoint(run: Path) -> dict[str, NDArray[Any]] | None:
+    """Return the state, or None where there is none.
+
+    Raises Refusal when the file is damaged.
+    """
+    path = checkpoint_path(run)
+    if not path.exists():
+        return None
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            return {name: np.asarray(file[name][()]) for name in file}
+    except (OSError, KeyError, TypeError) as error:
+        raise Refusal(f"checkpoint {path} cannot be read ({error}); remove it and start the run anew") from None

@@ -1,0 +1,129 @@
+"""The cheapest way to keep a limit on error or on time, said in one sentence."""
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from selection.tradeoff import choose
+from suffice.refusal import Refusal
+from suffice.wording import bytes_text, seconds_text
+
+DIAMETERS = "d"
+TIMING_NOISE = 1.5  # medians of five timings of some 20 µs scatter by this much on a busy machine
+
+
+class Limits(NamedTuple):
+    """What the user can bear; None for no limit."""
+
+    max_error: float | None  # RMSE over the rows, mean over the unseen times
+    error_unit: str  # a unit of the run's variables, or "d", particle diameters
+    max_seconds: float | None  # to reconstruct one snapshot
+
+    @property
+    def any(self) -> bool:
+        """Whether there is a limit at all."""
+        return self.max_error is not None or self.max_seconds is not None
+
+    def error_in(self, unit: str, diameter: float | None) -> float | None:
+        """Return the largest error in this unit; None where there is no limit or it is one on another quantity."""
+        if self.max_error is None:
+            return None
+        if self.error_unit == DIAMETERS:
+            return self.max_error * diameter if unit == "m" and diameter is not None else None
+        return self.max_error if self.error_unit == unit else None
+
+
+def parse_error(text: str) -> tuple[float, str]:
+    """Return value and unit of an error such as `0.05d` (diameters), `5e-5` (m) or `0.01 m/s`.
+
+    Raises Refusal where it does not begin with a number.
+    """
+    number = text.rstrip("dms/ ")
+    try:
+        return float(number), text[len(number) :].strip() or "m"
+    except ValueError:
+        raise Refusal(
+            f"--max-error {text!r}: not an error; give diameters such as 0.05d, or a number with the variable's unit "
+            "such as 5e-5m"
+        ) from None
+
+
+def check_limits(limits: Limits, units: Collection[str], diameter: float | None) -> None:
+    """Raise `Refusal` for a limit that is not positive, in a unit that no variable has, or in unknown diameters."""
+    for name, value, unit in (
+        ("max_error", limits.max_error, limits.error_unit),
+        ("max_seconds", limits.max_seconds, "s"),
+    ):
+        if value is not None and not 0 < value < float("inf"):
+            raise Refusal(f"{name} is {value:g} {unit}; it must be a positive number")
+    if limits.max_error is None:
+        return
+    if limits.error_unit == DIAMETERS and diameter is None:
+        raise Refusal(
+            f"max_error is {limits.max_error:g} d, but the run does not know its particle diameters; give the limit "
+            "in m, or import the run again with its diameter"
+        )
+    if (meant := "m" if limits.error_unit == DIAMETERS else limits.error_unit) not in units:
+        raise Refusal(
+            f"max_error is {limits.max_error:g} {limits.error_unit}, but the variables are in "
+            f"{', '.join(sorted(units))}; give the limit in one of these, or compare a variable in {meant}"
+        )
+
+
+def cheapest(
+    variable: str, rows: Sequence[Mapping[str, Any]], limits: Limits, diameter: float | None
+) -> dict[str, Any]:
+    """Choose for one variable among the rows of a comparison; plain types, ready for JSON.
+
+    `fastest` and `smallest` are the least in seconds per snapshot and in bytes among the rows that keep the limits,
+    `most_accurate` the least in error; all None where none does, and then `closest` is the row that comes nearest.
+    Seconds within a factor of 1.5 are equal, as far as a wall clock can tell; the smallest of these is the fastest.
+    """
+    own = [row for row in rows if row["variable"] == variable]
+    answer: dict[str, Any] = {"kept": False, "fastest": None, "smallest": None, "most_accurate": None, "closest": None}
+    if not own:
+        return {**answer, "sentence": f"{variable}: nothing could be compared."}
+    unit = own[0]["unit"]
+    error = limits.error_in(unit, diameter)
+    bounds = {key: most for key, most in (("rmse", error), ("single_seconds", limits.max_seconds)) if most is not None}
+    if not bounds:
+        return {**answer, "sentence": f"{variable}: a limit in {limits.error_unit} does not apply to {unit}."}
+    bounded = [[row[key] for key in bounds] for row in own]
+    keys = {"fastest": "single_seconds", "smallest": "storage_bytes", "most_accurate": "rmse"}
+    chosen = {name: choose([row[key] for row in own], bounded, list(bounds.values())) for name, key in keys.items()}
+    wanted = " and ".join(_limit(key, most, unit, limits) for key, most in bounds.items())
+    as_fast = TIMING_NOISE * own[chosen["fastest"].chosen]["single_seconds"]
+    if chosen["fastest"].kept:
+        and_fast = [[*some, row["single_seconds"]] for some, row in zip(bounded, own, strict=True)]
+        chosen["fastest"] = choose([row["storage_bytes"] for row in own], and_fast, [*bounds.values(), as_fast])
+    first = chosen["fastest" if error is not None else "most_accurate"]
+    if not first.kept:
+        row = own[first.chosen]
+        sentence = f"{variable}: none keeps {wanted}; the closest is {_described(row)}."
+        return {**answer, "closest": _named(row), "sentence": sentence}
+    answer |= {name: _named(own[choice.chosen]) for name, choice in chosen.items()}
+    sentence = f"{variable}: {wanted} is kept most cheaply by {_described(own[first.chosen])}"
+    if error is None:
+        sentence = f"{variable}: within {wanted} the most accurate is {_described(own[first.chosen])}"
+    if (smallest := own[chosen["smallest"].chosen]) is not own[first.chosen]:
+        sentence += f"; the least storage is that of {_described(smallest)}"
+    return {**answer, "kept": True, "sentence": f"{sentence}."}
+
+
+def _limit(key: str, most: float, unit: str, limits: Limits) -> str:
+    if key != "rmse":
+        return f"at most {seconds_text(most)} per snapshot"
+    in_diameters = f" ({limits.max_error:g} d)" if limits.error_unit == DIAMETERS else ""
+    return f"an error of at most {most:.3g} {unit}{in_diameters}"
+
+
+def _named(row: Mapping[str, Any]) -> dict[str, Any]:
+    keys = ("interval", "surrogate", "modes", "rmse", "rmse_diameters", "single_seconds", "storage_bytes")
+    return {key: row[key] for key in keys}
+
+
+def _described(row: Mapping[str, Any]) -> str:
+    modes = "" if row["modes"] is None else f" with {row['modes']} modes"
+    return (
+        f"{row['surrogate']}{modes} at Δτ {seconds_text(row['interval'])} (error {row['rmse']:.3g} {row['unit']}, "
+        f"{seconds_text(row['single_seconds'])} per snapshot, {bytes_text(row['storage_bytes'])} to keep)"
+    )

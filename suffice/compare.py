@@ -1,0 +1,255 @@
+"""Every surrogate and baseline on the snapshots between the training snapshots: error against cost."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pod import InputError as UnfitSnapshots
+from pod import RowSource
+from selection.errors import InputError as UnfitIntervals
+from selection.intervals import Subset, candidates, dense_interval
+from selection.tradeoff import pareto_front
+from suffice.choice import Limits, cheapest, check_limits
+from suffice.reconstruction import (
+    Array,
+    Case,
+    Reconstruction,
+    Reduced,
+    measure_reconstruction,
+    modal,
+    projection_errors,
+    raw,
+    reduce,
+)
+from suffice.refusal import Refusal
+from suffice.run import Run
+from surrogates import SURROGATES
+from surrogates import InputError as UnfitSeries
+
+HELD_BYTES = 2**30  # a variable up to this size is read once and kept; a larger one is streamed at every pass
+COSTS = ("single_seconds", "storage_bytes")
+QUANTITIES_COMPARED = ("position.", "velocity.")
+
+Table = list[dict[str, Any]]
+
+
+class Comparison(NamedTuple):
+    """The three tables of the answer, as they grow."""
+
+    rows: Table
+    bases: Table
+    left_out: Table
+
+
+class Place(NamedTuple):
+    """Which variable at which Δτ, in which units."""
+
+    variable: str
+    interval: float  # s
+    unit: str
+    diameter: float | None  # m
+
+
+class Level(NamedTuple):
+    """A number of modes, its projection errors (u,), and the seconds that reconstruction adds to any surrogate."""
+
+    n: int
+    floor: Array
+    seconds: tuple[float, float]  # of one snapshot alone, and of each among many
+
+
+def compare(
+    run: Run,
+    variables: Sequence[str] | None = None,
+    intervals: Sequence[float] | None = None,
+    surrogates: Sequence[str] | None = None,
+    *,
+    max_error: float | None = None,
+    error_unit: str = "m",
+    max_seconds: float | None = None,
+    energy: float = 0.999,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> dict[str, Any]:
+    """Train every surrogate at every Δτ and reconstruct the dense snapshots in between; plain types, ready for JSON.
+
+    variables: names, default the components of position and velocity. intervals: Δτ in s, default ten to two dense
+    intervals. surrogates: names in `SURROGATES`, default all regressors in time. Each is fitted with n_lr modes (the
+    least that hold `energy`) and with all; raw baselines have no modes. max_error: RMSE, in `error_unit`, a unit of the
+    run or "d" for particle diameters; max_seconds: to reconstruct one snapshot. progress is called with (done, all).
+
+    The answer holds `rows`, one per variable, Δτ, surrogate and n; `bases`, the decompositions and their cost;
+    `left_out` with reasons; and with a limit `choice`, per variable the cheapest row that keeps it, or the closest.
+    Errors are in the variable's unit: RMSE over the rows, mean over the unseen times. `projection_rmse` is the floor of
+    the same n; for raw baselines that of all modes, which they may well undercut (then `ratio_to_floor` is below 1).
+    Raises `Refusal` for unknown names, a Δτ that is no multiple of the dense interval or leaves nothing to predict, too
+    few snapshots, limits that cannot be applied, or when nothing at all can be compared.
+    """
+    names = _known(surrogates)
+    asked = _default_variables(run) if variables is None else list(dict.fromkeys(variables))
+    diameter, limits = mean_diameter(run), Limits(max_error, error_unit, max_seconds)
+    if not 0 < energy <= 1:
+        raise Refusal(f"energy is {energy:g}; it must be a share above 0 and at most 1, for example 0.999")
+    check_limits(limits, {run.variable(name).unit for name in asked}, diameter)
+    subsets = _subsets(run, intervals)
+    found = Comparison([], [], [])
+    for i, name in enumerate(asked):
+        values, rates = _held(run, name), _held_rates(run, name, names)
+        for j, subset in enumerate(subsets):
+            if progress:
+                progress(i * len(subsets) + j, len(asked) * len(subsets))
+            unseen = np.setdiff1d(subset.testing, subset.training)
+            case = Case(values, rates, run.times, subset.training, unseen)
+            place = Place(name, subset.interval, run.variable(name).unit, diameter)
+            _compare_case(found, case, place, names, energy)
+    if progress:
+        progress(len(asked) * len(subsets), len(asked) * len(subsets))
+    if not found.rows:
+        raise Refusal(f"nothing can be compared: {found.left_out[0]['reason']}")
+    for name in asked:
+        _mark_front([row for row in found.rows if row["variable"] == name])
+    return {
+        "task": "between",
+        "kind": "time",
+        "dense_interval": dense_interval(run.times),
+        "energy": energy,
+        "seed": seed,
+        "diameter": diameter,
+        **found._asdict(),
+        "limits": limits._asdict(),
+        "choice": {name: cheapest(name, found.rows, limits, diameter) for name in asked} if limits.any else {},
+    }
+
+
+def mean_diameter(run: Run) -> float | None:
+    """Return the mean particle diameter in m, None where the run does not know every radius."""
+    diameter = 2 * float(np.mean(run.radius)) if len(run.radius) else float("nan")
+    return diameter if np.isfinite(diameter) and diameter > 0 else None
+
+
+def _known(asked: Sequence[str] | None) -> list[str]:
+    """Names of the surrogates to compare, of kind `time`: a state map has a start, and another task."""
+    known = [name for name, member in SURROGATES.items() if member.kind == "time"]
+    if asked is None:
+        return known
+    for name in asked:
+        if name not in known:
+            raise Refusal(f"surrogate {name!r} is not known here; use {', '.join(known)}")
+    if not asked:
+        raise Refusal(f"surrogates: none is named; use {', '.join(known)}, or leave the list out for all")
+    return list(dict.fromkeys(asked))
+
+
+def _default_variables(run: Run) -> list[str]:
+    return [name for name in run.variables if name.startswith(QUANTITIES_COMPARED)] or run.variables
+
+
+def _subsets(run: Run, intervals: Sequence[float] | None) -> list[Subset]:
+    """Training and testing sets of every Δτ, coarse to fine."""
+    try:
+        subsets = candidates(run.times, intervals)
+    except UnfitIntervals as error:
+        raise Refusal(f"{run.path}: {error}") from None
+    for subset in subsets:
+        if len(subset.testing) == len(subset.training):
+            raise Refusal(
+                f"interval: {subset.interval:g} s is the dense interval of {run.path}, which leaves no snapshot to "
+                f"predict; take at least {2 * subset.interval:g} s"
+            )
+    return subsets
+
+
+def _held(run: Run, name: str) -> RowSource:
+    """Return a variable, in memory if it is small enough."""
+    variable = run.variable(name)
+    small = variable.shape[0] * variable.shape[1] * variable.dtype.itemsize <= HELD_BYTES
+    return variable[:] if small else variable
+
+
+def _held_rates(run: Run, name: str, surrogates: Sequence[str]) -> RowSource | None:
+    """Return the derivative of a position, the stored velocity, if there is one and a surrogate asks for it."""
+    rate = name.replace("position", "velocity", 1)
+    stored = rate in run.variables or f"{rate}.x" in run.variables
+    needed = any(SURROGATES[surrogate].needs_rates for surrogate in surrogates)
+    return _held(run, rate) if name.startswith("position") and stored and needed else None
+
+
+def _compare_case(found: Comparison, case: Case, place: Place, names: Sequence[str], energy: float) -> None:
+    """Add what one variable at one Δτ has to say to the tables."""
+    try:
+        reduced = reduce(case, energy)
+    except UnfitSnapshots as error:
+        found.left_out.append(_omission(place, None, f"{place.variable}: {error}"))
+        return
+    basis, label = reduced.basis, {**_label(place), "n_snapshots": len(case.training)}
+    counts = {"n_lr": basis.n_lr, "modes": basis.modes.shape[1], "seconds": reduced.seconds}
+    found.bases.append({**label, **counts, "reason": basis.reason})
+    levels = _levels(reduced, case)
+    for name in names:
+        if SURROGATES[name].needs_rates and case.rates is None:
+            reason = f"{name} needs the derivative of {place.variable}, which the run does not hold"
+            found.left_out.append(_omission(place, name, reason))
+            continue
+        try:
+            for one, floor in _tried(name, reduced, case, levels):
+                found.rows.append({**label, **_figures(one, floor, case, place)})
+        except UnfitSeries as error:
+            found.left_out.append(_omission(place, name, f"{name}: {error}"))
+
+
+def _label(place: Place) -> dict[str, Any]:
+    return {"variable": place.variable, "interval": place.interval, "unit": place.unit}
+
+
+def _omission(place: Place, surrogate: str | None, reason: str) -> dict[str, Any]:
+    return {"variable": place.variable, "interval": place.interval, "surrogate": surrogate, "reason": reason}
+
+
+def _levels(reduced: Reduced, case: Case) -> list[Level]:
+    """Numbers of modes to compare at, n_lr and all, with what every surrogate of that number has in common."""
+    full = reduced.basis.modes.shape[1]
+    return [
+        Level(
+            n,
+            projection_errors(reduced, case, n),
+            measure_reconstruction(reduced.basis, reduced.coefficients[case.unseen, :n]),
+        )
+        for n in sorted({reduced.basis.n_lr or full, full})
+    ]
+
+
+def _tried(name: str, reduced: Reduced, case: Case, levels: Sequence[Level]) -> Iterator[tuple[Reconstruction, Array]]:
+    """Each way of using this surrogate, with the projection error that it is held against."""
+    if SURROGATES[name].raw:
+        yield raw(name, case), levels[-1].floor
+        return
+    for n, floor, seconds in levels:
+        yield modal(name, reduced, case, n, seconds), floor
+
+
+def _figures(one: Reconstruction, floor: Array, case: Case, place: Place) -> dict[str, Any]:
+    """Errors and costs of one row, in plain types."""
+    rmse, least = float(one.errors.mean()), float(floor.mean())
+    worst = int(one.errors.argmax())
+    return {
+        "surrogate": one.surrogate,
+        "modes": one.modes,
+        "rmse": rmse,
+        "rmse_diameters": rmse / place.diameter if place.diameter is not None and place.unit == "m" else None,
+        "worst_rmse": float(one.errors[worst]),
+        "worst_time": float(case.times[case.unseen[worst]]),
+        "projection_rmse": least,
+        "ratio_to_floor": rmse / least if least > 0 else None,
+        "fit_seconds": one.fit_seconds,
+        "single_seconds": one.single_seconds,
+        "batch_seconds": one.batch_seconds,
+        "storage_bytes": one.storage_bytes,
+    }
+
+
+def _mark_front(rows: Table) -> None:
+    """Mark the rows of one variable that none beats in error and in each cost."""
+    fronts = {cost: pareto_front([row["rmse"] for row in rows], [row[cost] for row in rows]) for cost in COSTS}
+    for i, row in enumerate(rows):
+        row["on_front"] = {cost: bool(front[i]) for cost, front in fronts.items()}

@@ -1,0 +1,72 @@
+"""The door between the program and its user: every failure becomes one message and an exit code."""
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from suffice.refusal import Refusal
+
+DONE, FAILED, REFUSED, INTERRUPTED = 0, 1, 2, 130
+
+
+class InterruptedRunError(Exception):
+    """The user stopped a command at a point from which it can be resumed; the message says how."""
+
+
+def refusals() -> tuple[type[Exception], ...]:
+    """Return the exceptions that mean refused input; a package that was not imported cannot have raised its own."""
+    packages = (sys.modules.get(name) for name in ("sim", "pod", "selection", "surrogates"))
+    return (Refusal, *(package.InputError for package in packages if package is not None))
+
+
+def failures() -> tuple[type[Exception], ...]:
+    """Return the exceptions that mean: begun, but failed on the way."""
+    sim = sys.modules.get("sim")
+    return (OSError, MemoryError, *((sim.LimitError,) if sim is not None else ()))
+
+
+def run_command(command: Callable[[], Any]) -> int:
+    """Run a command and return its exit code; what went wrong is said on standard error in one message."""
+    try:
+        code = command()
+        return code if isinstance(code, int) else DONE
+    except click.exceptions.Exit as left:
+        return left.exit_code
+    except click.ClickException as error:
+        error.show(sys.stderr)
+        return REFUSED
+    except (KeyboardInterrupt, click.Abort):
+        return _say("interrupted; finished stages are kept, run the same command again", INTERRUPTED)
+    except InterruptedRunError as stopped:
+        return _say(str(stopped), INTERRUPTED)
+    except BrokenPipeError:
+        return FAILED
+    except refusals() as error:
+        return _say(f"refused: {error}", REFUSED)
+    except failures() as error:
+        return _say(f"failed: {error or type(error).__name__}", FAILED)
+
+
+def _say(message: str, code: int) -> int:
+    print(f"suffice: {message}", file=sys.stderr)
+    return code
+
+
+def write_json(value: Any, target: str) -> None:
+    """Write a value as JSON to a file, beside and renamed, or to standard output for '-'."""
+    text = json.dumps(value, indent=1, allow_nan=False)
+    if target == "-":
+        print(text)
+        return
+    path = Path(target)
+    part = path.with_name(path.name + ".part")
+    try:
+        part.write_text(text + "\n", encoding="utf-8")
+        part.replace(path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise Refusal(f"--json {target} cannot be written ({error}); name a file in a folder that exists") from None

@@ -1,0 +1,52 @@
+"use strict";
+// draws every panel with the figure its pickers name, in the colours of the page, again when these change
+(() => {
+  const figures = JSON.parse(document.getElementById("figures").textContent);
+  const panels = [...document.querySelectorAll(".panel")];
+  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+  function themed(layout, width) {
+    const ink = colour("--ink"), grid = colour("--grid"), card = colour("--card");
+    const narrow = width < 600;
+    const out = {
+      ...layout, autosize: true, height: layout.height || (narrow ? 470 : 430), paper_bgcolor: card, plot_bgcolor: card,
+      font: { color: ink, size: narrow ? 11 : 13, family: getComputedStyle(document.body).fontFamily },
+      margin: { l: narrow ? 46 : 64, r: narrow ? 8 : 16, t: 14, b: 48 },
+      legend: narrow
+        ? { orientation: "h", y: -0.2, yanchor: "top", x: 0, font: { size: 11 } }
+        : { x: 1.01, y: 1, ...(layout.legend || {}) },
+      hoverlabel: { bgcolor: card, bordercolor: grid, font: { color: ink } },
+      dragmode: narrow ? false : "zoom",
+    };
+    for (const axis of ["xaxis", "yaxis"]) {
+      const own = layout[axis] || {};
+      out[axis] = { gridcolor: grid, zerolinecolor: grid, linecolor: grid, automargin: true, ...own };
+      if (own.title) out[axis].title = { standoff: 8, ...own.title };
+    }
+    return out;
+  }
+
+  function draw(panel) {
+    const section = panel.closest("section");
+    const key = [...section.querySelectorAll("select")].map((pick) => pick.value).join("|");
+    const figure = figures[panel.id][key];
+    if (!figure) return;
+    const copy = structuredClone(figure);
+    const config = { displaylogo: false, responsive: true, displayModeBar: false, doubleClick: "reset" };
+    Plotly.react(panel, copy.data, themed(copy.layout, panel.clientWidth), config);
+  }
+
+  for (const pick of document.querySelectorAll("select")) {
+    pick.addEventListener("change", () => {
+      // one choice of variable for the whole page, where a panel has it
+      for (const other of document.querySelectorAll(`select[name="${pick.name}"]`)) {
+        if ([...other.options].some((option) => option.value === pick.value)) other.value = pick.value;
+      }
+      panels.forEach(draw);
+    });
+  }
+  const redraw = () => panels.forEach(draw);
+  redraw();
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
+  matchMedia("(max-width: 600px)").addEventListener("change", redraw);
+})();

@@ -1,0 +1,262 @@
+"""Figures of the report, as plain plotly data: which lines, on which axes."""
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+from suffice.wording import bytes_text, escape, finite, number, seconds_text
+
+Figure = dict[str, Any]
+
+COLOURS = ("#3b8fd0", "#e08214", "#2ca089", "#b35bb0", "#d6404e", "#93913f", "#7a6fd0", "#5c9e45")
+COARSE, MIDDLE, FINE = (217, 102, 43), (160, 95, 181), (31, 147, 168)  # colours of Δτ; readable on light and dark
+QUIET = "#8791a0"
+NOISE = 1e-14  # of the energy: below it 1 - I is the rounding of a sum
+ENERGIES = ("kinetic", "rotational", "potential", "elastic", "dissipated", "wall_work", "balance")
+COSTS = {"single_seconds": "seconds per snapshot", "storage_bytes": "bytes to keep"}
+
+
+def consistency_figure(curves: Mapping[str, Any], judged: Sequence[Mapping[str, Any]], limit: float) -> Figure:
+    """R_c against the number of modes, one line per Δτ, n_c and n_lr marked, the threshold across.
+
+    curves: by Δτ, with `R_c` and `R_gap` at n = 0, 1, …; judged: the candidates of the same variable, for the marks.
+    """
+    by_interval = _coarse_to_fine(curves)
+    marks = {float(candidate["interval"]): candidate for candidate in judged}
+    data: list[Figure] = []
+    for i, (interval, curve) in enumerate(by_interval):
+        colour = _ramp(i, len(by_interval))
+        data.append(_curve(seconds_text(interval), curve.get("R_c") or [], 0, colour))
+        gap = _curve("gaps alone", curve.get("R_gap") or [], 0, colour, "dot")
+        data.append({**gap, "legendgroup": "gap", "showlegend": i == 0, "visible": "legendonly", "legendrank": 2000})
+        data.extend(_marks(marks.get(interval), curve.get("R_c") or [], colour))
+    layout = _layout("modes n", "R<sub>c</sub> = mean E<sub>test</sub> / mean E<sub>train</sub>", "log", "log")
+    layout["yaxis"] |= {"range": [-0.008, 0.5], "tickvals": [1, limit, 1.2, 1.5, 2, 3], "tickformat": ".3~g"}
+    layout["shapes"] = [_level(limit)]
+    return {"data": data, "layout": layout}
+
+
+def spectrum_figure(ratios: Mapping[str, Any], energy: float) -> Figure:
+    """Energy that p modes leave out, 1 - I(p), one line per Δτ, the share that defines n_lr across."""
+    by_interval = _coarse_to_fine(ratios)
+    data = []
+    for i, (interval, ratio) in enumerate(by_interval):
+        first = 0 if ratio and ratio[0] == 0 else 1
+        left = [None if finite(x) is None or 1 - x < NOISE else 1 - x for x in ratio]
+        data.append(_curve(seconds_text(interval), left, first, _ramp(i, len(by_interval))))
+    layout = _layout("modes p", "energy left out, 1 − I(p)", "log", "log")
+    layout["yaxis"]["exponentformat"] = "power"
+    layout["shapes"] = [_level(1 - energy)]
+    return {"data": data, "layout": layout}
+
+
+def error_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """Error at unseen times against Δτ for each surrogate and baseline, with the floor that projection sets."""
+    field, unit = error_field(rows)
+    data = [_floor_line(rows, field, most=True), _floor_line(rows, field, most=False)]
+    for name, colour in _colours(rows).items():
+        own = [row for row in rows if row["surrogate"] == name]
+        raw = all(row["modes"] is None for row in own)
+        data.append(_error_line(escape(name), _levels(own, True), field, {"color": colour, "width": 3 if raw else 2}))
+        if not raw:
+            few = _error_line("all on n_lr modes", _levels(own, False), field, {"color": colour, "dash": "dot"})
+            first = not any(line.get("legendgroup") for line in data)
+            data.append({**few, "legendgroup": "few", "showlegend": first, "visible": "legendonly", "legendrank": 2000})
+    data = [line for line in data if line["x"]]
+    layout = _layout("Δτ (ms)", f"error ({unit})", "log", "log")
+    values = sorted({row["interval"] * 1e3 for row in rows})
+    layout["xaxis"] |= {"tickvals": values, "ticktext": [f"{value:.3g}" for value in values]}
+    layout["yaxis"] |= _ticks(y for line in data for y in line["y"])
+    return {"data": data, "layout": layout}
+
+
+def tradeoff_figure(rows: Sequence[Mapping[str, Any]], cost: str) -> Figure:
+    """Error against one cost, a mark per surrogate, Δτ and number of modes; the Pareto front as a line."""
+    field, unit = error_field(rows)
+    front = sorted((row for row in rows if (row.get("on_front") or {}).get(cost)), key=lambda row: row[cost])
+    line = {"color": QUIET, "width": 1.5, "shape": "hv"}
+    xy = {"x": [row[cost] for row in front], "y": [row[field] for row in front]}
+    data: list[Figure] = [
+        {"type": "scatter", "mode": "lines", "name": "front", "line": line, "hoverinfo": "skip", **xy}
+    ]
+    for name, colour in _colours(rows).items():
+        # the first mark stands in the legend: let it be a filled one
+        own = sorted((row for row in rows if row["surrogate"] == name), key=lambda row: -(row["modes"] or 0))
+        few = {(r["variable"], r["interval"]): r["modes"] for r in _levels(own, False)}
+        symbols = [_symbol(row, few) for row in own]
+        data.append(
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "name": escape(name),
+                "x": [row[cost] for row in own],
+                "y": [row[field] for row in own],
+                "marker": {"color": colour, "size": 9, "symbol": symbols, "line": {"width": 1.5, "color": colour}},
+                "text": [_hover(row) for row in own],
+                "hovertemplate": "%{text}<extra></extra>",
+            }
+        )
+    layout = _layout(COSTS[cost], f"error ({unit})", "log", "log")
+    layout["xaxis"] |= _ticks((row[cost] for row in rows), seconds_text if cost == "single_seconds" else bytes_text)
+    layout["yaxis"] |= _ticks(row[field] for row in rows)
+    return {"data": data, "layout": layout}
+
+
+def ledger_figure(series: Mapping[str, Any]) -> Figure | None:
+    """Change of each energy since the start, over time; None where the run recorded no energy."""
+    times, names = series.get("times") or [], [name for name in ENERGIES if series.get(name)]
+    if not times or not names:
+        return None
+    data = []
+    for i, name in enumerate(names):
+        start = finite(series[name][0]) or 0.0
+        change = [None if finite(x) is None else x - start for x in series[name]]
+        line = {"color": COLOURS[i % len(COLOURS)]} if name != "balance" else {"color": QUIET, "dash": "dash"}
+        data.append(_line(name.replace("_", " "), list(times), change, line))
+    layout = _layout("time (s)", "change since the start (J)", "linear", "linear")
+    layout["yaxis"]["exponentformat"] = "power"
+    return {"data": data, "layout": layout}
+
+
+def stages_figure(stages: Sequence[Mapping[str, Any]]) -> Figure:
+    """Wall time of each stage, first at the top."""
+    names = [escape(str(stage["name"])) for stage in stages]
+    seconds = [finite(stage.get("seconds")) for stage in stages]
+    bar = {
+        "type": "bar",
+        "orientation": "h",
+        "x": seconds,
+        "y": names,
+        "text": [seconds_text(value) for value in seconds],
+        "textposition": "auto",
+        "customdata": [escape(str(stage.get("detail") or "")) for stage in stages],
+        "hovertemplate": "%{y}: %{text}<br>%{customdata}<extra></extra>",
+        "marker": {"color": COLOURS[0]},
+    }
+    layout = _layout("wall time (s)", "", "linear", "category")
+    layout["yaxis"] = {"autorange": "reversed", "type": "category"}
+    layout["height"] = 90 + 36 * len(names)
+    return {"data": [bar], "layout": layout}
+
+
+def error_field(rows: Iterable[Mapping[str, Any]]) -> tuple[str, str]:
+    """Return the key and the unit in which errors are shown: diameters where they are known."""
+    first = next(iter(rows))
+    if first.get("rmse_diameters") is not None:
+        return "rmse_diameters", "diameters"
+    return "rmse", escape(str(first.get("unit", "")))
+
+
+def _coarse_to_fine(by_interval: Mapping[str, Any]) -> list[tuple[float, Any]]:
+    return sorted(((float(interval), value) for interval, value in by_interval.items()), reverse=True)
+
+
+def _ramp(i: int, count: int) -> str:
+    """Colour i of `count`, from coarse to fine."""
+    s = 2 * i / max(count - 1, 1)
+    low, high = (COARSE, MIDDLE) if s <= 1 else (MIDDLE, FINE)
+    s -= s > 1
+    return "#" + "".join(f"{round(a + s * (b - a)):02x}" for a, b in zip(low, high, strict=True))
+
+
+def _line(name: str, x: list[Any], y: list[Any], line: Figure) -> Figure:
+    return {"type": "scatter", "mode": "lines", "name": name, "x": x, "y": y, "line": line}
+
+
+def _curve(name: str, values: Sequence[Any], first: int, colour: str, dash: str = "solid") -> Figure:
+    """One value per number of modes, from `first`; n = 0 has no place on a logarithmic axis."""
+    points = [(first + k, _rounded(value)) for k, value in enumerate(values) if first + k > 0]
+    line = {"color": colour, "width": 1.8, "dash": dash}
+    return _line(name, [n for n, _ in points], [value for _, value in points], line)
+
+
+def _rounded(value: Any) -> float | None:
+    known = finite(value)
+    return None if known is None else float(f"{known:.6g}")
+
+
+def _marks(candidate: Mapping[str, Any] | None, ratio: Sequence[Any], colour: str) -> list[Figure]:
+    """Mark the line: filled at n_c, open at n_lr."""
+    found = []
+    for key, symbol in (("n_c", "circle"), ("n_lr", "circle-open")):
+        n = (candidate or {}).get(key)
+        if n and n < len(ratio) and finite(ratio[n]) is not None:
+            mark = {"color": colour, "size": 9, "symbol": symbol, "line": {"width": 2, "color": colour}}
+            name = key.replace("_c", "<sub>c</sub>").replace("_lr", "<sub>lr</sub>")
+            point = {"type": "scatter", "mode": "markers", "x": [n], "y": [_rounded(ratio[n])], "marker": mark}
+            found.append({**point, "showlegend": False, "hovertemplate": f"{name} = {n}<extra></extra>"})
+    return found
+
+
+def _colours(rows: Iterable[Mapping[str, Any]]) -> dict[str, str]:
+    names = dict.fromkeys(row["surrogate"] for row in rows)
+    return {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(names)}
+
+
+def _levels(rows: Sequence[Mapping[str, Any]], most: bool) -> list[Mapping[str, Any]]:
+    """Of each Δτ the row with the most modes, or with the fewest, coarse to fine."""
+    by_interval: dict[float, list[Mapping[str, Any]]] = {}
+    for row in rows:
+        by_interval.setdefault(row["interval"], []).append(row)
+    pick = max if most else min
+    return [pick(own, key=lambda row: row["modes"] or 0) for _, own in sorted(by_interval.items(), reverse=True)]
+
+
+def _error_line(name: str, rows: Sequence[Mapping[str, Any]], field: str, line: Figure) -> Figure:
+    drawn = _line(name, [row["interval"] * 1e3 for row in rows], [_rounded(row[field]) for row in rows], line)
+    return {**drawn, "mode": "lines+markers", "hovertemplate": f"{name}: %{{y:.3g}} at %{{x:.3g}} ms<extra></extra>"}
+
+
+def _floor_line(rows: Sequence[Mapping[str, Any]], field: str, *, most: bool) -> Figure:
+    """Error of projection itself; in diameters if errors are."""
+    on_modes = _levels([row for row in rows if row["modes"] is not None], most)
+    scale = [
+        row["rmse_diameters"] / row["rmse"] if field == "rmse_diameters" and row["rmse"] else 1 for row in on_modes
+    ]
+    floor = [_rounded(row["projection_rmse"] * s) for row, s in zip(on_modes, scale, strict=True)]
+    name = f"floor, {'all' if most else 'n_lr'} modes"
+    line = {"color": QUIET, "dash": "dash" if most else "dot"}
+    return _line(name, [row["interval"] * 1e3 for row in on_modes], floor, line)
+
+
+def _symbol(row: Mapping[str, Any], few: Mapping[tuple[str, float], Any]) -> str:
+    """Diamond: no modes; open circle: n_lr modes; filled: all."""
+    if row["modes"] is None:
+        return "diamond"
+    return "circle-open" if few[row["variable"], row["interval"]] == row["modes"] else "circle"
+
+
+def _hover(row: Mapping[str, Any]) -> str:
+    modes = "no modes, snapshots themselves" if row["modes"] is None else f"{row['modes']} modes"
+    diameters = f" = {number(row['rmse_diameters'])} d" if row.get("rmse_diameters") is not None else ""
+    return (
+        f"<b>{escape(row['surrogate'])}</b>, Δτ {seconds_text(row['interval'])}, {modes}<br>"
+        f"error {number(row['rmse'])} {escape(str(row.get('unit', '')))}{diameters}, "
+        f"{number(row.get('ratio_to_floor'))} × floor<br>"
+        f"{seconds_text(row['single_seconds'])} a snapshot ({seconds_text(row['batch_seconds'])} among many), "
+        f"{bytes_text(row['storage_bytes'])}"
+    )
+
+
+def _layout(x: str, y: str, x_type: str, y_type: str) -> Figure:
+    return {
+        "xaxis": {"title": {"text": x}, "type": x_type},
+        "yaxis": {"title": {"text": y}, "type": y_type},
+        "hovermode": "closest",
+    }
+
+
+def _level(y: float) -> Figure:
+    line = {"color": QUIET, "width": 1.5, "dash": "dash"}
+    return {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": y, "y1": y, "line": line}
+
+
+def _ticks(values: Iterable[Any], text: Callable[[float], str] = "{:.6g}".format) -> Figure:
+    """Put marks at 1, 2 and 5 times a power of ten, in plain figures; at the powers alone where there are many."""
+    known = [value for value in map(finite, values) if value is not None and value > 0]
+    if not known:
+        return {}
+    low, high = math.floor(math.log10(min(known))), math.floor(math.log10(max(known)))
+    steps = (1, 2, 5) if high - low < 4 else (1,)
+    marks = [step * 10.0**power for power in range(low, high + 2) for step in steps]
+    return {"tickvals": marks, "ticktext": [text(mark) for mark in marks]}

@@ -1,0 +1,202 @@
+"""Snapshots nobody trained on, reconstructed from those that were kept: how wrong, and at what cost."""
+
+from collections.abc import Iterator
+from statistics import median
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pod import Basis, RowSource, SnapshotMatrix, lanczos_pod
+from surrogates import SURROGATES, Surrogate, measure_cost
+
+Array = NDArray[np.float64]
+BLOCK_VALUES = 4 * 2**20  # numbers per block of rows; a few such blocks are held at once
+BATCH = 16  # snapshots reconstructed together when the cost of many is measured
+REPEATS = 5
+
+
+class Case(NamedTuple):
+    """One variable at one snapshot interval Δτ: what is kept and what is left to predict."""
+
+    values: RowSource  # (rows, snapshots)
+    rates: RowSource | None  # their derivative in time, (rows, snapshots); None where the run has none
+    times: Array  # (snapshots,) s
+    training: NDArray[np.intp]  # (m,) snapshots kept, one every Δτ
+    unseen: NDArray[np.intp]  # (u,) snapshots between them
+
+    @property
+    def itemsize(self) -> int:
+        """Bytes of one stored number."""
+        return int(np.dtype(getattr(self.values, "dtype", np.float64)).itemsize)
+
+
+class Reduced(NamedTuple):
+    """The snapshots kept as modes, and every snapshot of the window projected on them (paper eqs. (29), (31)-(32))."""
+
+    basis: Basis
+    coefficients: Array  # (window, p) of all snapshots up to the last one kept
+    rates: Array | None  # (m, p) derivative of the coefficients at the training times
+    outside: Array  # (u,) squared norm of what no mode represents, at the unseen times
+    seconds: float  # wall time of the decomposition: inner products, eigenpairs, modes
+
+
+class Reconstruction(NamedTuple):
+    """One surrogate's answer at the unseen times, and what it took."""
+
+    surrogate: str
+    modes: int | None  # None: on the snapshots themselves
+    errors: Array  # (u,) RMSE over the rows, unit of the variable
+    fit_seconds: float
+    single_seconds: float  # one full snapshot, asked for alone
+    batch_seconds: float  # one full snapshot, when many are asked for at once
+    storage_bytes: int  # everything that must be kept to answer
+
+
+def reduce(case: Case, energy: float) -> Reduced:
+    """Decompose the training snapshots, keeping every mode, and project the window on them.
+
+    energy: the Lanczos ratio that defines n_lr (paper eq. (28)). Memory: the modes in double precision, rows × m, and
+    a block. Raises pod.InputError where nothing moves or a value is not finite.
+    """
+    matrix = SnapshotMatrix(case.values)
+    begin = perf_counter()
+    kept = len(case.training) - 1  # the mean takes one of the m degrees of freedom
+    basis = lanczos_pod(matrix.columns(case.training), modes=kept, reconstructable=energy)
+    seconds = perf_counter() - begin
+    coefficients = basis.project(matrix.columns(np.arange(case.training[-1] + 1)))
+    rates = None
+    if case.rates is not None:
+        # the derivative of W̄ + Σ c φ has no mean
+        derivative = basis._replace(mean=np.zeros_like(basis.mean))
+        rates = derivative.project(SnapshotMatrix(case.rates).columns(case.training))
+    outside = _outside(basis, matrix.columns(case.unseen), coefficients[case.unseen])
+    return Reduced(basis, coefficients, rates, outside, seconds)
+
+
+def _outside(basis: Basis, unseen: SnapshotMatrix, coefficients: Array) -> Array:
+    """Squared norm of the part of each snapshot that no mode represents, formed as a vector and then squared, (u,)."""
+    total, start = np.zeros(len(coefficients)), 0
+    for block in unseen.row_blocks():
+        rows = slice(start, start + len(block))
+        left = block - basis.mean[rows, None] - basis.modes[rows] @ coefficients.T
+        total += np.einsum("ij,ij->j", left, left)
+        start += len(block)
+    return total
+
+
+def projection_errors(reduced: Reduced, case: Case, n: int) -> Array:
+    """RMSE over the rows that projection on the first n modes leaves at the unseen times, (u,) (paper eq. (34))."""
+    truncated = np.square(reduced.coefficients[case.unseen, n:]).sum(axis=1)
+    return np.asarray(np.sqrt((reduced.outside + truncated) / len(reduced.basis.mean)))
+
+
+def modal(name: str, reduced: Reduced, case: Case, n: int, reconstruct_seconds: tuple[float, float]) -> Reconstruction:
+    """Fit one surrogate to the first n coefficients and reconstruct the unseen snapshots.
+
+    Modes are orthonormal, so E² = E_projection² + |c - ĉ|²/rows holds and no row is touched again.
+    reconstruct_seconds: of one snapshot alone and of one among many, from `measure_reconstruction`.
+    Raises surrogates.InputError where it cannot be fitted.
+    """
+    rates = None if reduced.rates is None else reduced.rates[:, :n]
+    surrogate = SURROGATES[name]().fit(case.times[case.training], reduced.coefficients[case.training, :n], rates)
+    unseen = case.times[case.unseen]
+    miss = surrogate.predict(unseen) - reduced.coefficients[case.unseen, :n]
+    rows = len(reduced.basis.mean)
+    errors = np.sqrt(projection_errors(reduced, case, n) ** 2 + np.square(miss).sum(axis=1) / rows)
+    cost = measure_cost(surrogate, unseen, repeats=REPEATS)
+    alone, among_many = reconstruct_seconds
+    return Reconstruction(
+        name,
+        n,
+        errors,
+        cost.fit_seconds,
+        cost.single_seconds + alone,
+        cost.batch_seconds + among_many,
+        rows * (n + 1) * case.itemsize + cost.model_bytes,
+    )
+
+
+def measure_reconstruction(basis: Basis, coefficients: Array) -> tuple[float, float]:
+    """Seconds to turn coefficients (u, n) into snapshots: one alone, and each of `BATCH` at once; medians."""
+    n = coefficients.shape[1]
+    kept = basis._replace(modes=np.ascontiguousarray(basis.modes[:, :n]))
+    batch = np.resize(coefficients, (BATCH, n))
+
+    def seconds(asked: Array) -> float:
+        begin = perf_counter()
+        kept.reconstruct(asked)
+        return perf_counter() - begin
+
+    alone = median(seconds(batch[:1]) for _ in range(REPEATS))
+    return alone, median(seconds(batch) for _ in range(REPEATS)) / BATCH
+
+
+def raw(name: str, case: Case) -> Reconstruction:
+    """Interpolate the unseen snapshots from the stored ones, without modes, by blocks of rows.
+
+    One snapshot alone is timed on the two stored ones around it, which is all that an interpolation reads.
+    Raises surrogates.InputError where it cannot be fitted.
+    """
+    rows = int(case.values.shape[0])
+    squares, fit_seconds, ask_seconds = np.zeros(len(case.unseen)), 0.0, 0.0
+    for part in _row_slices(case):
+        values = _snapshots(case.values, part)
+        surrogate = _fit_raw(name, case, case.training, part, values)
+        begin = perf_counter()
+        predicted = surrogate.predict(case.times[case.unseen])
+        ask_seconds += perf_counter() - begin
+        fit_seconds += surrogate.fit_seconds_
+        predicted -= values[case.unseen]
+        squares += np.einsum("ij,ij->i", predicted, predicted)
+    return Reconstruction(
+        name,
+        None,
+        np.sqrt(squares / rows),
+        fit_seconds,
+        _seconds_between_two(name, case),
+        ask_seconds / len(case.unseen),
+        _raw_bytes(name, case),
+    )
+
+
+def _row_slices(case: Case) -> Iterator[slice]:
+    rows, snapshots = case.values.shape
+    step = max(BLOCK_VALUES // snapshots, 1)
+    return (slice(start, min(start + step, rows)) for start in range(0, rows, step))
+
+
+def _snapshots(source: RowSource, part: slice) -> NDArray[Any]:
+    """Rows of this slice as (snapshots, b), contiguous in a snapshot as they are stored, in the stored precision."""
+    return np.ascontiguousarray(np.asarray(source[part]).T)
+
+
+def _fit_raw(name: str, case: Case, which: NDArray[np.intp], part: slice, values: NDArray[Any]) -> Surrogate:
+    """Fit to `which` of the snapshots; values: (snapshots, b) rows of the slice."""
+    rates = None
+    if case.rates is not None and SURROGATES[name].needs_rates:
+        rates = _snapshots(case.rates, part)[which]
+    return SURROGATES[name]().fit(case.times[which], values[which], rates)
+
+
+def _seconds_between_two(name: str, case: Case) -> float:
+    """Seconds to interpolate one full snapshot half way between two stored ones, both in memory."""
+    around = case.training[len(case.training) // 2 - 1 :][:2]
+    values, rates = _whole(case.values, around, case), None
+    if case.rates is not None and SURROGATES[name].needs_rates:
+        rates = _whole(case.rates, around, case)
+    times = case.times[around]
+    surrogate = SURROGATES[name]().fit(times, values, rates)
+    return measure_cost(surrogate, [float(times.mean())], repeats=REPEATS).single_seconds
+
+
+def _whole(source: RowSource, which: NDArray[np.intp], case: Case) -> NDArray[Any]:
+    """Return some of the snapshots in full, (len(which), rows); read by blocks."""
+    return np.concatenate([_snapshots(source, part)[which] for part in _row_slices(case)], axis=1)
+
+
+def _raw_bytes(name: str, case: Case) -> int:
+    """Bytes of the stored snapshots, of their rates where they are used, and of their times."""
+    m, fields = len(case.training), 2 if SURROGATES[name].needs_rates else 1
+    return fields * m * int(case.values.shape[0]) * case.itemsize + m * case.times.itemsize

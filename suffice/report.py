@@ -1,0 +1,268 @@
+"""The report of a study: one page that needs nothing but a browser."""
+
+import json
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from plotly.offline import get_plotlyjs
+
+from suffice.plots import (
+    COSTS,
+    Figure,
+    consistency_figure,
+    error_figure,
+    ledger_figure,
+    spectrum_figure,
+    stages_figure,
+    tradeoff_figure,
+)
+from suffice.refusal import Refusal
+from suffice.verdicts import feasibility_table, table_legend, verdict_items
+from suffice.wording import bytes_text, escape, number, seconds_text
+
+Results = Mapping[str, Any]
+
+# the page may run what is in it and load nothing from anywhere
+POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+LONG = 120  # characters; a longer text of the provenance is folded
+
+
+class Section(NamedTuple):
+    """A part of the page and the figures it draws, by the values of its pickers joined with `|`."""
+
+    title: str
+    body: str  # HTML above the figure
+    figures: Mapping[str, Figure] = {}
+    pickers: Mapping[str, Mapping[str, str]] = {}  # name -> value -> what the reader sees
+    below: str = ""
+
+
+def write_report(results: Results, path: str | Path) -> None:
+    """Write the results of a study as one HTML page, beside and renamed.
+
+    results: `study`, `run`, `select` (as `select --json` writes it), `curves` {variable: {Δτ: curves}}, `spectrum`
+    {variable: {Δτ: I(p)}}, `compare` (as `compare` answers), `stages`, `series` with its `times`, `provenance`; any may
+    be missing, and its section is left out. Everything shown is escaped; the page loads nothing.
+    Raises `Refusal` when the page cannot be written.
+    """
+    page, target = render(results), Path(path)
+    part = target.with_name(target.name + ".part")
+    try:
+        part.write_text(page, encoding="utf-8")
+        os.replace(part, target)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise Refusal(f"report {target} cannot be written ({error}); name a file in a folder that exists") from None
+
+
+def render(results: Results) -> str:
+    """Return the page as HTML."""
+    parts = (_verdict, _feasibility, _consistency, _spectrum, _error, _tradeoff, _ledger, _stages, _provenance)
+    sections = [section for part in parts if (section := part(results)) is not None]
+    figures = {f"panel{i}": section.figures for i, section in enumerate(sections)}
+    page = files("suffice") / "page"
+    study = escape(str(results.get("study") or "a run"))
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>How much data suffices: {study}</title>"
+        f"<style>{(page / 'report.css').read_text(encoding='utf-8')}</style></head>\n"
+        f"<body><header><h1>How much data suffices: {study}</h1>{_facts(results)}</header>\n"
+        f"<main>{''.join(_html(section, f'panel{i}') for i, section in enumerate(sections))}</main>\n"
+        "<noscript><p>The figures need JavaScript; the tables do not.</p></noscript>"
+        f"<script>{get_plotlyjs()}</script>\n"
+        f'<script type="application/json" id="figures">{_json(figures)}</script>\n'
+        f"<script>{(page / 'report.js').read_text(encoding='utf-8')}</script></body></html>\n"
+    )
+
+
+def _json(value: Any) -> str:
+    """Return JSON that no text in it can break out of: `<` never appears."""
+    return json.dumps(value, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _html(section: Section, panel: str) -> str:
+    # their order is that of the figures' keys
+    pickers = "".join(_picker(name, options) for name, options in section.pickers.items())
+    figure = f'<div class="panel" id="{panel}"></div>' if section.figures else ""
+    return (
+        f"<section><h2>{section.title}</h2>{section.body}"
+        f"{f'<div class=picks>{pickers}</div>' if pickers else ''}{figure}{section.below}</section>\n"
+    )
+
+
+def _picker(name: str, options: Mapping[str, str]) -> str:
+    shown = "".join(f'<option value="{escape(value)}">{escape(text)}</option>' for value, text in options.items())
+    hidden = " hidden" if len(options) == 1 else ""
+    return f'<label{hidden}>{name} <select name="{name}">{shown}</select></label>'
+
+
+def _facts(results: Results) -> str:
+    run = results.get("run") or {}
+    shown: Mapping[str, tuple[str, Callable[[Any], str]]] = {
+        "n_particles": ("particles", str),
+        "diameter": ("diameter", lambda value: f"{number(value)} m"),
+        "n_snapshots": ("snapshots", str),
+        "interval": ("dense interval", seconds_text),
+        "duration": ("duration", seconds_text),
+        "path": ("run", str),
+    }
+    items = [
+        f"<li><span class=quiet>{title}</span> <b>{escape(text(run[key]))}</b></li>"
+        for key, (title, text) in shown.items()
+        if run.get(key) is not None
+    ]
+    return f'<ul class="facts">{"".join(items)}</ul>' if items else ""
+
+
+def _verdict(results: Results) -> Section | None:
+    variables = (results.get("select") or {}).get("variables")
+    return Section("Verdict", verdict_items(variables)) if variables else None
+
+
+def _feasibility(results: Results) -> Section | None:
+    variables = (results.get("select") or {}).get("variables")
+    if not variables:
+        return None
+    title = "Feasibility index K<sub>f</sub> = n<sub>c</sub> / n<sub>lr</sub>"
+    return Section(title, table_legend() + feasibility_table(variables))
+
+
+def _consistency(results: Results) -> Section | None:
+    curves = results.get("curves")
+    if not curves:
+        return None
+    judged = (results.get("select") or {}).get("variables") or {}
+    figures = {}
+    for name, by_interval in curves.items():
+        found = judged.get(name) or {}
+        limit = (found.get("thresholds") or {}).get("consistency", 1.05)
+        figures[name] = consistency_figure(by_interval, found.get("candidates") or [], limit)
+    text = (
+        "Unseen snapshots against training snapshots, both projected on the same n modes. Dashed: the limit. "
+        "A line leaves it at n<sub>c</sub> (filled); n<sub>lr</sub> (open) modes are needed. "
+        "<i>gaps alone</i> in the legend shows the ratio over unseen snapshots only."
+    )
+    return Section("Consistency R<sub>c</sub>(n)", _quiet(text), figures, _variable_picker(figures))
+
+
+def _spectrum(results: Results) -> Section | None:
+    curves, spectrum = results.get("curves") or {}, results.get("spectrum")
+    if not spectrum:
+        own = {
+            name: {dt: c["energy_ratio"] for dt, c in by.items() if "energy_ratio" in c} for name, by in curves.items()
+        }
+        spectrum = {name: by for name, by in own.items() if by}
+    if not spectrum:
+        return None
+    judged = (results.get("select") or {}).get("variables") or {}
+    energy = {name: (found.get("thresholds") or {}).get("energy", 0.999) for name, found in judged.items()}
+    figures = {name: spectrum_figure(ratios, energy.get(name, 0.999)) for name, ratios in spectrum.items()}
+    text = "Share of the energy that p modes leave out. Dashed: the share that defines n<sub>lr</sub>."
+    return Section("Spectrum", _quiet(text), figures, _variable_picker(figures))
+
+
+def _error(results: Results) -> Section | None:
+    by_variable = _rows_by_variable(results)
+    if not by_variable:
+        return None
+    figures = {name: error_figure(rows) for name, rows in by_variable.items()}
+    text = (
+        "Root mean square over particles, mean over the snapshots between the training snapshots (kind: in time). "
+        "Dashed: what projection on the modes leaves, which no surrogate of these modes can undercut. "
+        "Raw baselines interpolate the stored snapshots themselves, without a model."
+    )
+    return Section("Error against Δτ", _quiet(text), figures, _variable_picker(figures))
+
+
+def _tradeoff(results: Results) -> Section | None:
+    by_variable = _rows_by_variable(results)
+    if not by_variable:
+        return None
+    figures = {f"{name}|{cost}": tradeoff_figure(rows, cost) for name, rows in by_variable.items() for cost in COSTS}
+    choice = (results.get("compare") or {}).get("choice") or {}
+    sentences = "".join(f"<li>{escape(str(found['sentence']))}</li>" for found in choice.values())
+    text = (
+        "A mark is one surrogate at one Δτ, on all modes (filled), on n<sub>lr</sub> (open) or on none (diamond). "
+        "Lower left is better; no other choice beats those on the line."
+    )
+    body = (f'<ul class="verdicts">{sentences}</ul>' if sentences else "") + _quiet(text)
+    pickers = {**_variable_picker(by_variable), "cost": COSTS}
+    fronts = "".join(_front_table(name, rows) for name, rows in by_variable.items())
+    below = f"<details><summary>What no other choice beats, in numbers</summary>{fronts}</details>"
+    return Section("Error against cost", body, figures, pickers, below)
+
+
+def _ledger(results: Results) -> Section | None:
+    figure = ledger_figure(results.get("series") or {})
+    if figure is None:
+        return None
+    text = "What the particles have and have lost, less the work of the walls, must balance: dashed, ideally zero."
+    return Section("Energy ledger", _quiet(text), {"": figure})
+
+
+def _stages(results: Results) -> Section | None:
+    stages: Sequence[Mapping[str, Any]] = results.get("stages") or []
+    return Section("Cost of each stage", "", {"": stages_figure(stages)}) if stages else None
+
+
+def _provenance(results: Results) -> Section | None:
+    provenance = {name: value for name, value in (results.get("provenance") or {}).items() if value not in ("", None)}
+    if not provenance:
+        return None
+    items = "".join(f"<dt>{escape(str(name))}</dt><dd>{_folded(value)}</dd>" for name, value in provenance.items())
+    return Section("Provenance", f"<dl>{items}</dl>")
+
+
+def _quiet(text: str) -> str:
+    return f'<p class="quiet">{text}</p>'
+
+
+def _folded(value: Any) -> str:
+    text = value if isinstance(value, str) else json.dumps(value)
+    if len(text) <= LONG and "\n" not in text.strip():
+        return escape(text)
+    return f"<details><summary>{len(text.splitlines())} lines</summary><pre>{escape(text)}</pre></details>"
+
+
+def _variable_picker(names: Iterable[str]) -> dict[str, Mapping[str, str]]:
+    return {"variable": {name: name for name in names}}
+
+
+def _rows_by_variable(results: Results) -> dict[str, list[Mapping[str, Any]]]:
+    by_variable: dict[str, list[Mapping[str, Any]]] = {}
+    for row in (results.get("compare") or {}).get("rows") or []:
+        by_variable.setdefault(row["variable"], []).append(row)
+    return by_variable
+
+
+def _front_table(variable: str, rows: Sequence[Mapping[str, Any]]) -> str:
+    """Tabulate the rows on either front, the most accurate first."""
+    best = sorted((row for row in rows if any((row.get("on_front") or {}).values())), key=lambda row: row["rmse"])
+    unit = escape(str(rows[0].get("unit", "")))
+    head = "".join(
+        f'<th class="number">{text}</th>'
+        for text in ("Δτ", "modes", f"error ({unit})", "× floor", "a snapshot", "to keep")
+    )
+    body = "".join(
+        f"<tr><td>{escape(str(row['surrogate']))}</td>"
+        + "".join(
+            f'<td class="number">{text}</td>'
+            for text in (
+                seconds_text(row["interval"]),
+                "–" if row["modes"] is None else str(row["modes"]),
+                number(row["rmse"]),
+                number(row.get("ratio_to_floor")),
+                seconds_text(row["single_seconds"]),
+                bytes_text(row["storage_bytes"]),
+            )
+        )
+        + "</tr>"
+        for row in best
+    )
+    table = f'<table class="plain"><tr><th>{escape(variable)}</th>{head}</tr>{body}</table>'
+    return f'<div class="scroll">{table}</div>'

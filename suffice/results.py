@@ -1,0 +1,76 @@
+"""Everything a study found, gathered from its folder for the report."""
+
+import json
+import os
+import platform
+import time
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from suffice.compare import mean_diameter
+from suffice.refusal import Refusal
+from suffice.run import Run
+
+RUN, SELECTION, COMPARISON, LOG = "run.h5", "select.json", "compare.json", "stages.json"
+LEDGER = "energy."
+
+
+def read_json(path: Path) -> Any:
+    """Return what a JSON file holds, None where there is no file.
+
+    Raises Refusal for a damaged one.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        raise Refusal(f"{path} cannot be read ({error}); run the study again") from None
+
+
+def gather(folder: Path, study: str) -> dict[str, Any]:
+    """Return the results of a study's folder, in plain types; what is not there is left out.
+
+    Raises Refusal where there is no run at all.
+    """
+    results: dict[str, Any] = {"study": study}
+    with Run(folder / RUN) as run:
+        results["run"] = facts_of(run)
+        results["provenance"] = {**run.provenance, **_here()}
+        ledger = {name.removeprefix(LEDGER): s.tolist() for name, s in run.series.items() if name.startswith(LEDGER)}
+        if ledger:
+            results["series"] = {"times": run.times.tolist(), **ledger}
+    selection, comparison, log = (read_json(folder / name) for name in (SELECTION, COMPARISON, LOG))
+    if selection:
+        results |= {"select": selection["select"], "curves": selection["curves"]}
+    if comparison:
+        results["compare"] = comparison
+    if log:
+        results["stages"] = [
+            {"name": name, "seconds": entry["seconds"], "detail": entry["detail"]} for name, entry in log.items()
+        ]
+    return results
+
+
+def facts_of(run: Run) -> dict[str, Any]:
+    """Return what the reader of a report wants to know of a run first."""
+    return {
+        "path": str(run.path),
+        "n_particles": run.n_particles,
+        "n_snapshots": run.n_snapshots,
+        "interval": run.interval,
+        "duration": float(run.times[-1] - run.times[0]) if run.n_snapshots else 0.0,
+        "diameter": mean_diameter(run),
+        "variables": run.variables,
+    }
+
+
+def _here() -> dict[str, str]:
+    """Return where and when a report was made."""
+    return {
+        "report": f"suffice {version('suffice')}, torch {version('torch')}, numpy {version('numpy')}",
+        "cores": str(os.cpu_count()),
+        "system": platform.platform(),
+        "reported": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+    }

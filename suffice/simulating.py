@@ -1,0 +1,201 @@
+"""From a scene to a run on disk."""
+
+import json
+import platform
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numba
+
+from sim import LimitError, Scene, Simulation, parse_scene
+from sim.checkpoint import restore_, state_of
+from sim.kernel import most_threads
+from suffice.checkpoint import checkpoint_path, read_checkpoint, write_checkpoint
+from suffice.door import InterruptedRunError
+from suffice.progress import Reporter
+from suffice.refusal import Refusal
+from suffice.store import Run, RunWriter
+
+SECONDS_BETWEEN_CHECKPOINTS = 20.0
+
+
+def changed_scene(text: str, source: str, until: float | None = None, seed: int | None = None) -> Scene:
+    """Return the scene of a text, with the end (s) and the seed of its packing replaced where given."""
+    scene = parse_scene(text, source)
+    tables = scene.model_dump()
+    if until is not None:
+        tables["time"]["duration"] = until
+    if seed is not None:
+        tables["seed"] = seed
+    if not (until is None or until > 0.0):
+        raise Refusal(f"--until is {until:g} s; it must be a positive time")
+    if not (seed is None or seed >= 0):
+        raise Refusal(f"--seed is {seed}; it must not be negative")
+    return Scene.model_validate(tables)
+
+
+def git_revision() -> str:
+    """Return the revision of the checkout that runs, or 'unknown' outside of one."""
+    try:
+        found = subprocess.run(
+            ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"], capture_output=True, text=True, check=False
+        )
+    except OSError:
+        return "unknown"
+    return found.stdout.strip() or "unknown"
+
+
+def provenance_of(text: str, scene: Scene) -> dict[str, str]:
+    """Return what made a run: the scene as written and as run, versions and machine."""
+    return {
+        "scene": text,
+        "settings": json.dumps({"until": scene.time.duration, "seed": scene.seed}),
+        "suffice": version("suffice"),
+        "numba": numba.__version__,
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        "git": git_revision(),
+        "made": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+    }
+
+
+def simulate_to(
+    text: str,
+    source: str,
+    path: Path,
+    reporter: Reporter,
+    *,
+    until: float | None = None,
+    seed: int | None = None,
+    threads: int | None = None,
+    resume: bool = False,
+) -> dict[str, Any]:
+    """Run a scene and write it to `path`; return what it cost, in plain types.
+
+    A checkpoint stands beside the run while it is not finished, and `resume` goes on from it, bitwise as if nothing had
+    happened. Raises InputError or Refusal before anything is written, LimitError when a limit is violated on the way,
+    InterruptedRunError when the user stops it; what was written stays readable.
+    """
+    scene = changed_scene(text, source, until, seed)
+    _use_threads(threads)
+    state = read_checkpoint(path) if resume else None
+    if resume:
+        _check_same_scene(path, text, scene)
+    began = time.monotonic()
+    simulation = Simulation(scene)
+    if state is None:
+        writer = _new_writer(path, text, simulation)
+    else:
+        try:
+            restore_(simulation, state)
+        except KeyError as error:
+            raise Refusal(f"checkpoint of {path} lacks {error}; remove it and start the run anew") from None
+        writer = RunWriter.resume(path, simulation.step // simulation.steps_per_snapshot + 1)
+    first = simulation.step
+    with writer:
+        _run(simulation, writer, path, reporter)
+    checkpoint_path(path).unlink(missing_ok=True)
+    seconds = time.monotonic() - began
+    particle_steps = len(simulation.particles.radius) * (simulation.step - first)
+    return {
+        "run": str(path),
+        "n_particles": len(simulation.particles.radius),
+        "n_snapshots": simulation.snapshots,
+        "steps": simulation.step,
+        "time_step": simulation.dt,
+        "seconds": seconds,
+        "particle_steps_per_second": particle_steps / seconds if seconds else 0.0,
+        "threads": numba.get_num_threads(),
+    }
+
+
+def _use_threads(threads: int | None) -> None:
+    most = most_threads()
+    if threads is not None:
+        if not 1 <= threads <= most:
+            raise Refusal(f"--threads is {threads}; this machine allows 1 to {most}")
+        numba.set_num_threads(threads)
+
+
+def _check_same_scene(path: Path, text: str, scene: Scene) -> None:
+    with Run(path) as past:
+        made = past.provenance
+    now = provenance_of(text, scene)
+    for what in ("scene", "settings"):
+        if made.get(what) != now[what]:
+            raise Refusal(f"--resume: {path} was made with another {what}; give the same one, or leave out --resume")
+
+
+def _new_writer(path: Path, text: str, simulation: Simulation) -> RunWriter:
+    first = simulation.snapshot()
+    order = simulation.particles.id.argsort()
+    variables = ("position", "velocity", *(("angular_velocity",) if first.angular_velocity is not None else ()))
+    checkpoint_path(path).unlink(missing_ok=True)
+    writer = RunWriter(
+        path,
+        ids=simulation.particles.id[order],
+        radius=simulation.particles.radius[order],
+        species=simulation.particles.species[order],
+        n_snapshots=simulation.snapshots,
+        variables=variables,
+        precision=simulation.scene.output.precision,
+        series=sorted(first.series),
+        provenance=provenance_of(text, simulation.scene),
+    )
+    _append(writer, simulation)
+    return writer
+
+
+def _append(writer: RunWriter, simulation: Simulation) -> None:
+    now = simulation.snapshot()
+    values = {name: getattr(now, name) for name in writer.variables}
+    writer.append(now.time, values, now.series)
+
+
+@contextmanager
+def _asked_to_stop() -> Iterator[list[bool]]:
+    """Collect Ctrl-C instead of raising it in the middle of a step; a second one stops at once."""
+    asked: list[bool] = []
+
+    def ask(_signal: int, _frame: object) -> None:
+        if asked:
+            raise KeyboardInterrupt
+        asked.append(True)
+
+    try:
+        before = signal.signal(signal.SIGINT, ask)
+    except ValueError:  # not in the main thread: nobody sends signals here
+        yield asked
+        return
+    try:
+        yield asked
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _run(simulation: Simulation, writer: RunWriter, path: Path, reporter: Reporter) -> None:
+    work = len(simulation.particles.radius) * simulation.steps_per_snapshot
+    saved = time.monotonic()
+    with reporter.stage("simulate", "particle-steps", work) as advance, _asked_to_stop() as asked:
+        advance(writer.n_complete, simulation.snapshots)
+        while writer.n_complete < simulation.snapshots:
+            try:
+                simulation.advance_to(writer.n_complete * simulation.steps_per_snapshot)
+            except LimitError as error:
+                raise LimitError(f"{error}; {path} keeps {writer.n_complete} snapshots") from None
+            _append(writer, simulation)
+            advance(writer.n_complete, simulation.snapshots)
+            if asked or time.monotonic() - saved > SECONDS_BETWEEN_CHECKPOINTS:
+                write_checkpoint(path, state_of(simulation))
+                saved = time.monotonic()
+            if asked and writer.n_complete < simulation.snapshots:
+                raise InterruptedRunError(
+                    f"stopped at t = {simulation.time:g} s; {path} keeps {writer.n_complete} of "
+                    f"{simulation.snapshots} snapshots, the same command with --resume goes on"
+                )

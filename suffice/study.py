@@ -1,0 +1,257 @@
+"""A study: simulate or read, select, compare, report; each stage a function from files to files.
+
+A stage is skipped when its outputs stand and it was made from the same inputs: every stage's digest covers its own
+settings and the digest of the stage before it.
+"""
+
+import hashlib
+import json
+import time
+import tomllib
+from collections.abc import Callable
+from importlib import resources
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from sim import built_in_scenes, scene_text
+from suffice.checkpoint import checkpoint_path
+from suffice.compare import compare
+from suffice.door import write_json
+from suffice.progress import Reporter
+from suffice.readers import import_run
+from suffice.refusal import Refusal
+from suffice.report import write_report
+from suffice.results import COMPARISON, LOG, RUN, SELECTION, gather, read_json
+from suffice.run import Run
+from suffice.selecting import select_curves, select_json, select_run
+from suffice.simulating import changed_scene, simulate_to
+
+
+class Settings(BaseModel):
+    """A table of a study: unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Source(Settings):
+    """Somebody else's run, instead of a scene."""
+
+    files: list[str] = Field(min_length=1, description="files of one run, relative to the study's folder")
+    interval: float | None = Field(default=None, gt=0, description="between snapshots, s")
+    timestep: float | None = Field(default=None, gt=0, description="of the other code, s")
+    diameter: float | None = Field(default=None, gt=0, description="of the particles, m")
+
+
+class Selecting(Settings):
+    """What is judged."""
+
+    variables: list[str] | None = None
+    intervals: list[float] | None = Field(default=None, description="Δτ, s")
+    thresholds: dict[str, float] = {}
+
+
+class Comparing(Settings):
+    """What is trained and compared."""
+
+    variables: list[str] | None = None
+    intervals: list[float] | None = Field(default=None, description="Δτ, s")
+    surrogates: list[str] | None = None
+    max_error: float | None = Field(default=None, gt=0, description="in diameters")
+    max_seconds: float | None = Field(default=None, gt=0, description="per snapshot, s")
+
+
+class Study(Settings):
+    """One question to one run."""
+
+    scene: str | None = Field(default=None, description="built-in name, or path relative to the study's folder")
+    source: Source | None = None
+    seed: int = Field(default=0, ge=0)
+    select: Selecting = Selecting()
+    compare: Comparing = Comparing()
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> "Study":
+        if (self.scene is None) == (self.source is None):
+            raise ValueError("give either a scene or a table [source]")
+        return self
+
+
+class Stage(NamedTuple):
+    """A function from files to files."""
+
+    name: str
+    inputs: Any  # everything its outputs depend on, ready for JSON
+    outputs: tuple[Path, ...]
+    make: Callable[[], str]  # returns what it did in a few words
+
+
+def built_in_studies() -> dict[str, str]:
+    """Names and TOML texts of the studies that come with the program."""
+    folder = resources.files("suffice") / "studies"
+    return {Path(f.name).stem: f.read_text() for f in sorted(folder.iterdir(), key=str) if f.name.endswith(".toml")}
+
+
+def load_study(name_or_path: str) -> tuple[str, Study, Path]:
+    """Return name, settings and folder of a study.
+
+    Raises Refusal for a file that is missing or not a study, naming the field at fault.
+    """
+    built_in = built_in_studies()
+    path = Path(name_or_path)
+    try:
+        text = built_in.get(name_or_path) or path.read_text(encoding="utf-8")
+        study = Study.model_validate(tomllib.loads(text))
+    except (OSError, UnicodeDecodeError) as error:
+        raise Refusal(
+            f"study {name_or_path!r}: no such file or not a text ({error}); give a TOML file or one of the built-in "
+            f"studies: {', '.join(built_in)}"
+        ) from None
+    except tomllib.TOMLDecodeError as error:
+        raise Refusal(f"study {name_or_path}: not valid TOML: {error}") from None
+    except ValidationError as error:
+        found = error.errors(include_url=False)[0]
+        field = ".".join(map(str, found["loc"])) or "study"
+        message = found["msg"].removeprefix("Value error, ")
+        raise Refusal(f"study {name_or_path}: {field} = {found['input']!r}: {message}") from None
+    return (name_or_path, study, Path()) if name_or_path in built_in else (path.stem, study, path.parent)
+
+
+def run_study(name_or_path: str, folder: Path | None, reporter: Reporter, say: Callable[[str], None]) -> Path:
+    """Run a study in a folder, `./NAME` by default, and return its report; finished stages are not run again.
+
+    Raises Refusal or InputError for input that cannot be used, LimitError when a run goes wrong.
+    """
+    name, study, home = load_study(name_or_path)
+    folder = folder or Path(name)
+    stages = stages_of(name, study, home, folder, reporter)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise Refusal(f"--output {folder} cannot be made ({error}); name a folder you may write to") from None
+    chain = version("suffice")
+    for stage in stages:
+        chain = _digest([chain, stage.name, stage.inputs])
+        _run_stage(stage, chain, folder, say)
+    return folder / "report.html"
+
+
+def _run_stage(stage: Stage, digest: str, folder: Path, say: Callable[[str], None]) -> None:
+    """Run a stage unless its outputs stand and were made from the same inputs."""
+    log = read_json(folder / LOG) or {}
+    done = log.pop(stage.name, {})
+    if done.get("digest") == digest and all(path.exists() for path in stage.outputs):
+        say(f"{stage.name}: nothing changed, kept from {done['made']} ({done['detail']})")
+        return
+    began = time.monotonic()
+    write_json(log, str(folder / LOG))  # a stage that fails must run again
+    detail = stage.make()
+    seconds = round(time.monotonic() - began, 3)
+    made = time.strftime("%Y-%m-%d %H:%M:%S")
+    log[stage.name] = {"digest": digest, "seconds": seconds, "detail": detail, "made": made}
+    write_json(log, str(folder / LOG))
+    say(f"{stage.name}: {detail}, {seconds:.1f} s")
+
+
+def stages_of(name: str, study: Study, home: Path, folder: Path, reporter: Reporter) -> list[Stage]:
+    """Return the stages of a study in the data's order.
+
+    Raises Refusal or InputError for a scene or files that cannot be used, before anything is written.
+    """
+    first = _simulation(study, home, folder, reporter) if study.scene else _reading(study, home, folder, reporter)
+    select, against = folder / SELECTION, folder / COMPARISON
+    page, results = folder / "report.html", folder / "results.json"
+    return [
+        first,
+        Stage("select", study.select.model_dump(), (select,), lambda: _select(study.select, folder, reporter)),
+        Stage("compare", study.compare.model_dump(), (against,), lambda: _compare(study, folder, reporter)),
+        Stage("report", name, (page, results), lambda: make_report(folder, name)),
+    ]
+
+
+def _simulation(study: Study, home: Path, folder: Path, reporter: Reporter) -> Stage:
+    scene = study.scene or ""
+    text = built_in_scenes().get(scene) or scene_text(str(home / scene))
+    inputs = changed_scene(text, scene, seed=study.seed or None).model_dump()
+    run = folder / RUN
+
+    def make() -> str:
+        unfinished = checkpoint_path(run).exists() and _same_scene(run, text)
+        cost = simulate_to(text, scene, run, reporter, seed=study.seed or None, resume=unfinished)
+        speed = cost["particle_steps_per_second"] / 1e6
+        return f"{cost['n_particles']} particles, {cost['steps']} steps, {speed:.1f} million particle-steps/s"
+
+    return Stage("simulate", inputs, (run,), make)
+
+
+def _same_scene(run: Path, text: str) -> bool:
+    """Tell whether an unfinished run is of this scene, so that it can go on."""
+    try:
+        with Run(run) as past:
+            return past.provenance.get("scene") == text
+    except Refusal:
+        return False
+
+
+def _reading(study: Study, home: Path, folder: Path, reporter: Reporter) -> Stage:
+    source = study.source
+    assert source is not None  # the model's validator gave one or the other
+    files = [home / file for file in source.files]
+    for file in files:
+        if not file.is_file():
+            raise Refusal(f"source.files: {file} is not a file; paths are relative to the study's folder")
+    stamps = [(str(file.resolve()), file.stat().st_size, file.stat().st_mtime_ns) for file in files]
+
+    def make() -> str:
+        with reporter.stage("import", "snapshots") as advance:
+            made = import_run(
+                files,
+                folder / RUN,
+                interval=source.interval,
+                timestep=source.timestep,
+                diameter=source.diameter,
+                progress=advance,
+            )
+        return f"{made.n_particles} particles, {made.n_snapshots} snapshots read"
+
+    return Stage("import", [source.model_dump(), stamps], (folder / RUN,), make)
+
+
+def _select(settings: Selecting, folder: Path, reporter: Reporter) -> str:
+    with Run(folder / RUN) as run, reporter.stage("select", "variables") as advance:
+        table = select_run(run, settings.variables, settings.intervals, settings.thresholds, advance)
+        answer = {"select": select_json(run, table), "curves": select_curves(table)}
+    write_json(answer, str(folder / SELECTION))
+    return f"{len(table)} variables, {len(next(iter(table.values())).candidates)} intervals each"
+
+
+def _compare(study: Study, folder: Path, reporter: Reporter) -> str:
+    settings = study.compare
+    with Run(folder / RUN) as run, reporter.stage("compare", "cases") as advance:
+        answer = compare(
+            run,
+            settings.variables,
+            settings.intervals,
+            settings.surrogates,
+            max_error=settings.max_error,
+            error_unit="d",
+            max_seconds=settings.max_seconds,
+            seed=study.seed,
+            progress=advance,
+        )
+    write_json(answer, str(folder / COMPARISON))
+    return f"{len(answer['rows'])} surrogates trained and measured"
+
+
+def make_report(folder: Path, name: str) -> str:
+    """Gather what a folder holds into results.json and report.html; return a few words."""
+    results = gather(folder, name)
+    write_json(results, str(folder / "results.json"))
+    write_report(results, folder / "report.html")
+    return "one page"
+
+
+def _digest(value: Any) -> str:
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()

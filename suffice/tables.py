@@ -1,0 +1,76 @@
+"""What commands say on a terminal."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from suffice.wording import bytes_text, number, seconds_text
+
+MARKS = {"sufficient": "green", "insufficient": "red", "undecidable": "yellow"}
+
+
+def show_selection(answer: Mapping[str, Any]) -> None:
+    """Print K_f per variable and Δτ, coloured by verdict, and the Δτ chosen for each variable."""
+    console = Console()
+    variables = answer["variables"]
+    intervals = [c["interval"] for c in next(iter(variables.values()))["candidates"]]
+    table = Table("Δτ (s)", *(f"{interval:g}" for interval in intervals), title="K_f = n_c / n_lr", padding=(0, 0))
+    for name, found in variables.items():
+        table.add_row(name, *(f"[{MARKS[c['verdict']]}]{number(c['K_f'])}[/]" for c in found["candidates"]))
+    console.print(table)
+    for name, found in variables.items():
+        console.print(f"{name}: {_chosen(found)}", highlight=False)
+
+
+def _chosen(found: Mapping[str, Any]) -> str:
+    """Say in one line which Δτ the paper's rule chooses, and what our verdict adds to it."""
+    limit = found["thresholds"]["feasibility"]
+    chosen = found["chosen_interval"]
+    if chosen is None:
+        best = max(found["candidates"], key=lambda c: c["K_f"] or 0.0)
+        return f"not sufficient at any Δτ considered; best K_f {number(best['K_f'])} at {best['interval']:g} s"
+    candidate = next(c for c in found["candidates"] if c["interval"] == chosen)
+    doubt = (
+        ""
+        if candidate["verdict"] == "sufficient"
+        else f"; but {candidate['verdict']}: {'; '.join(candidate['reasons'])}"
+    )
+    return f"Δτ = {chosen:g} s suffices (K_f {number(candidate['K_f'])} ≥ {limit:g}){doubt}"
+
+
+def show_comparison(answer: Mapping[str, Any]) -> None:
+    """Print error and cost of every surrogate, one table per variable and Δτ, the Pareto front marked."""
+    console = Console()
+    for base in answer["bases"]:
+        rows = [r for r in answer["rows"] if (r["variable"], r["interval"]) == (base["variable"], base["interval"])]
+        title = f"{base['variable']}, Δτ = {base['interval']:g} s"
+        table = Table("surrogate", "modes", "RMSE", "diameters", "over floor", "one snapshot", "storage", title=title)
+        for r in sorted(rows, key=lambda r: float(r["rmse"])):
+            table.add_row(
+                r["surrogate"],
+                number(r["modes"]),
+                f"{number(r['rmse'])} {r['unit']}",
+                number(r["rmse_diameters"]),
+                number(r["ratio_to_floor"]),
+                seconds_text(r["single_seconds"]),
+                bytes_text(r["storage_bytes"]),
+                style="bold" if any(r["on_front"].values()) else None,
+            )
+        console.print(table)
+    for found in answer["choice"].values():
+        console.print(found["sentence"], highlight=False)
+
+
+def show_facts(title: str, facts: Mapping[str, Any]) -> None:
+    """Print names and values, one a line."""
+    console = Console()
+    console.print(title, style="bold", highlight=False, markup=False)
+    width = max((len(name) for name in facts), default=0)
+    for name, value in facts.items():
+        text = ", ".join(map(str, value)) if isinstance(value, Sequence) and not isinstance(value, str) else str(value)
+        for k, line in enumerate(text.splitlines() or [""]):
+            console.print(
+                f"  {(name if k == 0 else ''):<{width}}  {line}", highlight=False, markup=False, soft_wrap=True
+            )

@@ -1,0 +1,93 @@
+"""The verdict in words and as a table: which snapshot interval Δτ suffices for which variable."""
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from suffice.wording import escape, number, seconds_text
+
+SYMBOL = re.compile(r"\b([A-Za-z])_([a-z]+)\b")  # K_f, R_a, n_lr, E_train
+VERDICTS = ("sufficient", "insufficient", "undecidable")
+
+
+def verdict_items(variables: Mapping[str, Any]) -> str:
+    """List one sentence per variable, as HTML. variables: as `select` writes them, see design.md."""
+    items = "".join(_item(str(name), found) for name, found in variables.items())
+    return f'<ul class="verdicts">{items}</ul>'
+
+
+def deciding(found: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """Return the candidate that the verdict rests on: the chosen one, else the one of largest K_f; None of none."""
+    candidates: Sequence[Mapping[str, Any]] = found.get("candidates") or []
+    chosen = found.get("chosen_interval")
+    at = [candidate for candidate in candidates if chosen is not None and candidate["interval"] == chosen]
+    return next(iter(at or sorted(candidates, key=lambda c: -(c.get("K_f") or 0.0))), None)
+
+
+def _item(name: str, found: Mapping[str, Any]) -> str:
+    shown = f'<span class="name">{escape(name)}</span>'
+    candidate = deciding(found)
+    if candidate is None:
+        return f"<li>{shown}: no Δτ was considered.</li>"
+    limit = number((found.get("thresholds") or {}).get("feasibility"))
+    interval, K_f = seconds_text(candidate["interval"]), _feasibility(candidate)
+    if found.get("chosen_interval") is not None:
+        sentence = f"snapshots every <b>{interval}</b> suffice by the paper's rule, K<sub>f</sub> ≥ {limit}: {K_f}"
+    else:
+        sentence = f"<b>not sufficient at any Δτ considered</b>; the best is {K_f} at {interval}, {limit} is needed"
+    reasons = SYMBOL.sub(r"\1<sub>\2</sub>", escape("; ".join(map(str, candidate.get("reasons") or []))))
+    verdict = _pill(candidate.get("verdict"))
+    return f'<li>{verdict} {shown}: {sentence}. <span class="quiet">Our verdict at {interval}: {reasons}.</span></li>'
+
+
+def feasibility_table(variables: Mapping[str, Any]) -> str:
+    """Tabulate K_f per Δτ and variable, as HTML: coloured by our verdict, framed where the paper's rule holds."""
+    judged = {name: {c["interval"]: c for c in found.get("candidates") or []} for name, found in variables.items()}
+    intervals = sorted({interval for own in judged.values() for interval in own}, reverse=True)
+    head = "".join(f"<th>{escape(str(name))}</th>" for name in variables)
+    body = "".join(
+        f"<tr><th>{seconds_text(interval)}</th>{''.join(_cell(own.get(interval)) for own in judged.values())}</tr>"
+        for interval in intervals
+    )
+    return f'<div class="scroll"><table class="kf"><tr><th>Δτ</th>{head}</tr>{body}</table></div>'
+
+
+def table_legend() -> str:
+    """Explain the colours and the frame of the table."""
+    pills = " ".join(_pill(verdict) for verdict in VERDICTS)
+    return (
+        f'<p class="legend quiet"><span>Our verdict:</span> {pills} <span class="framed">framed</span> '
+        "<span>sufficient by the paper's rule. Small: n<sub>c</sub> / n<sub>lr</sub></span></p>"
+    )
+
+
+def _cell(candidate: Mapping[str, Any] | None) -> str:
+    if candidate is None:
+        return "<td>–</td>"
+    verdict = candidate.get("verdict")
+    style = f"{verdict if verdict in VERDICTS else ''}{' paper' if candidate.get('sufficient') else ''}"
+    title = escape("; ".join(map(str, candidate.get("reasons") or [])))
+    modes = f"{_count(candidate.get('n_c'))} / {_count(candidate.get('n_lr'))}"
+    rule = ", paper ✓" if candidate.get("sufficient") else ""
+    K_f = _two_decimals(candidate.get("K_f"))
+    return f'<td class="{style}" title="{title}"><b>{K_f}</b><small>{modes}{rule}</small></td>'
+
+
+def _feasibility(candidate: Mapping[str, Any]) -> str:
+    """Write K_f with its interval from resampling particles."""
+    spread = candidate.get("K_f_interval")
+    between = f" ({_two_decimals(spread[0])} to {_two_decimals(spread[1])} by resampling)" if spread else ""
+    return f"K<sub>f</sub> {_two_decimals(candidate.get('K_f'))}{between}"
+
+
+def _pill(verdict: object) -> str:
+    shown = str(verdict) if verdict in VERDICTS else "undecidable"
+    return f'<span class="pill {shown}">{shown}</span>'
+
+
+def _two_decimals(value: Any) -> str:
+    return f"{value:.2f}" if isinstance(value, int | float) else "–"
+
+
+def _count(value: Any) -> str:
+    return str(value) if isinstance(value, int) else "–"

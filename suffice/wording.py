@@ -1,0 +1,45 @@
+"""Numbers and names as the report shows them: with units, and safe inside a page."""
+
+import math
+from html import escape
+from typing import Any
+
+__all__ = ["bytes_text", "escape", "finite", "number", "seconds_text"]
+
+UNITS_OF_TIME = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"))
+
+
+def finite(value: Any) -> float | None:
+    """Return a number, or None where it is missing, infinite or none at all."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value) if math.isfinite(value) else None
+
+
+def number(value: Any, digits: int = 3) -> str:
+    """Return a number with so many significant digits, `–` where there is none."""
+    known = finite(value)
+    return "–" if known is None else f"{known:.{digits}g}"
+
+
+def seconds_text(value: Any) -> str:
+    """Return a time in the unit that suits it: 0.003 is `3 ms`."""
+    known = finite(value)
+    if known is None:
+        return "–"
+    if abs(known) >= 120:
+        return f"{known / 60:.3g} min"
+    # a thousandth below the unit still reads well in it, a rounding below must not fall to the next
+    scale, unit = next((pair for pair in UNITS_OF_TIME if abs(known) >= pair[0] * (1 - 1e-9)), UNITS_OF_TIME[-1])
+    return f"{known / scale:.3g} {unit}" if known else "0 s"
+
+
+def bytes_text(value: Any) -> str:
+    """Return a number of bytes in kB, MB or GB."""
+    known = finite(value)
+    if known is None:
+        return "–"
+    for scale, unit in ((1e9, "GB"), (1e6, "MB")):
+        if known >= scale:
+            return f"{known / scale:.3g} {unit}"
+    return f"{known / 1e3:.3g} kB"

@@ -1,0 +1,266 @@
+"""Error and cost of every surrogate between the snapshots, against closed forms and a dense recomputation."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from suffice import compare as comparing
+from suffice import reconstruction
+from suffice.compare import compare
+from suffice.readers import import_run
+from suffice.refusal import Refusal
+from suffice.run import Run
+from suffice.store import RunWriter
+from surrogates import SURROGATES
+
+SHAKE = Path(__file__).parents[1].parent / "shared" / "reference" / "shake.dump.xz"
+N, INTERVAL, DIAMETER = 40, 0.001, 2e-3
+
+
+def write(path, positions, velocities=None, radius=DIAMETER / 2):
+    """Store (snapshots, n, 3) positions in double precision, one every millisecond."""
+    n = positions.shape[1]
+    variables = ("position",) if velocities is None else ("position", "velocity")
+    with RunWriter(
+        path,
+        ids=np.arange(n),
+        radius=np.full(n, radius),
+        species=np.ones(n, int),
+        n_snapshots=len(positions),
+        variables=variables,
+        precision="double",
+        provenance={},
+    ) as run:
+        for k, position in enumerate(positions):
+            values = {"position": position}
+            if velocities is not None:
+                values["velocity"] = velocities[k]
+            run.append(k * INTERVAL, values)
+    return path
+
+
+def polynomial_motion(snapshots, degree, seed=0):
+    """Make every coordinate its own polynomial in time, so that interpolation errors are known: x, v, coefficients."""
+    t = np.arange(snapshots) * INTERVAL
+    a = np.random.default_rng(seed).standard_normal((degree + 1, N, 3))
+    position = sum(a[k] * t[:, None, None] ** k for k in range(degree + 1))
+    velocity = sum(k * a[k] * t[:, None, None] ** (k - 1) for k in range(1, degree + 1))
+    return position, velocity, a
+
+
+def wavy_motion(snapshots, seed=0):
+    """Sums of waves fast enough that neither modes nor splines are exact."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(snapshots) * INTERVAL
+    frequency, phase = rng.uniform(50, 900, (8, N, 3)), rng.uniform(0, 6, (8, N, 3))
+    angle = frequency * t[:, None, None, None] + phase
+    return 1e-3 * np.sin(angle).sum(axis=1), 1e-3 * (frequency * np.cos(angle)).sum(axis=1)
+
+
+@pytest.fixture(scope="module")
+def wavy(tmp_path_factory):
+    with Run(write(tmp_path_factory.mktemp("wavy") / "wavy.h5", *wavy_motion(42))) as run:
+        yield run
+
+
+def row(answer, surrogate, modes="all", variable="position.x"):
+    """Return the one row of this surrogate: without modes, or with n_lr or all of them."""
+    rows = [r for r in answer["rows"] if r["surrogate"] == surrogate and r["variable"] == variable]
+    return rows[0 if modes == "n_lr" else -1]
+
+
+def test_the_spline_on_modes_errs_as_a_dense_recomputation_says(wavy):
+    answer = compare(wavy, ["position.x"], [0.004], ["spline"], energy=0.9)
+    W = wavy.variable("position.x")[:]
+    training = np.arange(0, 42, 4)
+    unseen = np.setdiff1d(np.arange(41), training)  # 41 ms lies beyond the last training snapshot, at 40 ms
+    mean = W[:, training].mean(axis=1, keepdims=True)
+    u, s, _ = np.linalg.svd(W[:, training] - mean, full_matrices=False)
+    n_lr = int(np.argmax(np.cumsum(s**2) >= 0.9 * (s**2).sum())) + 1
+    assert n_lr < 10
+    for n, modes in ((n_lr, "n_lr"), (10, "all")):
+        c = u[:, :n].T @ (W - mean)
+        predicted = mean + u[:, :n] @ CubicSpline(wavy.times[training], c[:, training], axis=1)(wavy.times[unseen])
+        errors = np.sqrt(((predicted - W[:, unseen]) ** 2).mean(axis=0))
+        floor = np.sqrt(((mean + u[:, :n] @ c[:, unseen] - W[:, unseen]) ** 2).mean(axis=0)).mean()
+        found = row(answer, "spline", modes)
+        assert found["modes"] == n
+        # both are double precision; the projection is 0.1 to 1 of the motion, so nothing cancels
+        assert found["rmse"] == pytest.approx(errors.mean(), rel=1e-10)
+        assert found["worst_rmse"] == pytest.approx(errors.max(), rel=1e-10)
+        assert found["worst_time"] == wavy.times[unseen[errors.argmax()]]
+        assert found["projection_rmse"] == pytest.approx(floor, rel=1e-10)
+
+
+def test_no_surrogate_of_modes_beats_the_projection_on_them(wavy):
+    answer = compare(wavy, ["position.x", "velocity.y"], [0.005, 0.002])
+    on_modes = [r for r in answer["rows"] if r["modes"] is not None]
+    assert {r["surrogate"] for r in on_modes} == {"rbf", "spline", "hermite", "linear"}
+    assert all(r["ratio_to_floor"] >= 1 - 1e-12 for r in on_modes)
+
+
+def test_hermite_on_stored_velocities_is_exact_for_cubic_motion_with_modes_and_without(tmp_path):
+    position, velocity, _ = polynomial_motion(31, 3)
+    with Run(write(tmp_path / "run.h5", position, velocity)) as run:
+        answer = compare(run, ["position.x"], [0.005], ["hermite", "raw-hermite"])
+    # positions are of order 1 m: a few hundred roundings
+    assert row(answer, "raw-hermite")["rmse"] < 1e-13
+    assert row(answer, "hermite")["rmse"] < 1e-13
+
+
+def test_straight_lines_miss_a_parabola_by_its_sagitta(tmp_path):
+    position, velocity, a = polynomial_motion(31, 2)
+    with Run(write(tmp_path / "run.h5", position, velocity)) as run:
+        answer = compare(run, ["position.z"], [0.002], ["raw-linear"])
+    # half way between snapshots Δτ apart a t² lies a Δτ²/4 below its chord; positions of 1 m are rounded at 1e-16 m
+    sagitta = np.sqrt((a[2, :, 2] ** 2).mean()) * 0.002**2 / 4
+    assert row(answer, "raw-linear", variable="position.z")["rmse"] == pytest.approx(sagitta, rel=1e-9)
+
+
+def test_storage_is_the_modes_the_mean_and_the_series_or_the_snapshots_themselves(wavy):
+    answer = compare(wavy, ["position.x"], [0.004])
+    m, n, extra = 11, 10, 8 * (11 + 2 + 1)  # a model also keeps its m times, its window and its interval
+    assert row(answer, "raw-linear")["storage_bytes"] == 8 * (m * N + m)
+    assert row(answer, "raw-hermite")["storage_bytes"] == 8 * (2 * m * N + m)
+    assert row(answer, "spline")["storage_bytes"] == 8 * (N * (n + 1) + m * n) + extra
+    assert row(answer, "hermite")["storage_bytes"] == 8 * (N * (n + 1) + 2 * m * n) + extra
+
+
+def test_errors_of_positions_are_also_in_diameters_and_those_of_velocities_are_not(wavy):
+    answer = compare(wavy, ["position.x", "velocity.x"], [0.004], ["spline"])
+    assert answer["diameter"] == pytest.approx(DIAMETER)
+    assert row(answer, "spline")["rmse_diameters"] == pytest.approx(row(answer, "spline")["rmse"] / DIAMETER)
+    assert row(answer, "spline", variable="velocity.x")["rmse_diameters"] is None
+
+
+def test_a_run_without_radii_has_errors_in_metres_only(tmp_path):
+    with Run(write(tmp_path / "run.h5", *wavy_motion(21), radius=math.nan)) as run:
+        answer = compare(run, ["position.x"], [0.002], ["linear"])
+        assert answer["diameter"] is None
+        assert row(answer, "linear")["rmse_diameters"] is None
+        with pytest.raises(Refusal, match="does not know its particle diameters"):
+            compare(run, ["position.x"], [0.002], ["linear"], max_error=0.05, error_unit="d")
+
+
+def test_what_cannot_be_compared_is_left_out_with_its_reason(tmp_path):
+    position, velocity = wavy_motion(21)
+    position[:, :, 2] = 0.01
+    with Run(write(tmp_path / "run.h5", position, velocity)) as run:
+        answer = compare(run, ["velocity.x", "position.z"], [0.002])
+    left = {(o["variable"], o["surrogate"]): o["reason"] for o in answer["left_out"]}
+    assert "needs the derivative of velocity.x" in left["velocity.x", "hermite"]
+    assert "needs the derivative of velocity.x" in left["velocity.x", "raw-hermite"]
+    assert "nothing moves" in left["position.z", None]
+    assert {r["surrogate"] for r in answer["rows"]} == {"rbf", "spline", "linear", "raw-linear"}
+
+
+def test_reading_the_run_in_small_blocks_changes_no_error(wavy, monkeypatch):
+    held = compare(wavy, ["position.x"], [0.005, 0.003])
+    monkeypatch.setattr(comparing, "HELD_BYTES", 0)
+    monkeypatch.setattr(reconstruction, "BLOCK_VALUES", 7 * 42)  # 7 of the 40 rows
+    streamed = compare(wavy, ["position.x"], [0.005, 0.003])
+    for one, other in zip(held["rows"], streamed["rows"], strict=True):
+        assert (one["surrogate"], one["modes"]) == (other["surrogate"], other["modes"])
+        assert one["rmse"] == pytest.approx(other["rmse"], rel=1e-12)
+        assert one["storage_bytes"] == other["storage_bytes"]
+
+
+def test_the_answer_is_plain_json_and_says_what_was_asked(wavy):
+    seen = []
+    answer = compare(wavy, progress=lambda done, total: seen.append((done, total)))
+    assert json.loads(json.dumps(answer, allow_nan=False)) == answer
+    assert (answer["task"], answer["kind"]) == ("between", "time")
+    assert {r["interval"] for r in answer["rows"]} == {k / 1000 for k in range(2, 11)}
+    assert {r["variable"] for r in answer["rows"]} == {f"{v}.{a}" for v in ("position", "velocity") for a in "xyz"}
+    assert seen == [(k, 54) for k in range(55)]
+    assert all(r[key] > 0 for r in answer["rows"] for key in ("single_seconds", "batch_seconds", "storage_bytes"))
+
+
+def test_the_front_of_each_variable_holds_its_most_accurate_and_its_cheapest_row(wavy):
+    answer = compare(wavy, ["position.x", "velocity.x"], [0.005, 0.002])
+    for variable in ("position.x", "velocity.x"):
+        rows = [r for r in answer["rows"] if r["variable"] == variable]
+        for cost in ("single_seconds", "storage_bytes"):
+            assert min(rows, key=lambda r, cost=cost: (r["rmse"], r[cost]))["on_front"][cost]
+            assert min(rows, key=lambda r, cost=cost: (r[cost], r["rmse"]))["on_front"][cost]
+
+
+def test_with_a_limit_the_cheapest_row_that_keeps_it_is_chosen(wavy):
+    answer = compare(wavy, ["position.x"], [0.004, 0.002], max_error=0.2, error_unit="d")
+    kept = [r for r in answer["rows"] if r["rmse"] <= 0.2 * DIAMETER]
+    choice = answer["choice"]["position.x"]
+    assert 0 < len(kept) < len(answer["rows"])
+    assert choice["kept"]
+    as_fast = [r for r in kept if r["single_seconds"] <= 1.5 * min(r["single_seconds"] for r in kept)]
+    assert choice["fastest"]["storage_bytes"] == min(r["storage_bytes"] for r in as_fast)
+    assert choice["smallest"]["storage_bytes"] == min(r["storage_bytes"] for r in kept)
+    assert choice["most_accurate"]["rmse"] == min(r["rmse"] for r in answer["rows"])
+    assert "an error of at most 0.0004 m (0.2 d) is kept most cheaply by" in choice["sentence"]
+
+
+def test_where_none_keeps_the_limit_the_sentence_says_so_and_names_the_closest(wavy):
+    choice = compare(wavy, ["position.x"], [0.004, 0.002], max_error=1e-9)["choice"]["position.x"]
+    assert not choice["kept"]
+    assert choice["fastest"] is None
+    assert "none keeps an error of at most 1e-09 m; the closest is" in choice["sentence"]
+    assert choice["closest"]["interval"] == 0.002
+
+
+def test_a_limit_in_seconds_names_the_most_accurate_within_it(wavy):
+    answer = compare(wavy, ["velocity.x"], [0.004, 0.002], max_seconds=10.0)
+    choice = answer["choice"]["velocity.x"]
+    assert choice["most_accurate"]["rmse"] == min(r["rmse"] for r in answer["rows"])
+    assert "within at most 10 s per snapshot the most accurate is" in choice["sentence"]
+
+
+def test_a_limit_in_metres_is_not_applied_to_a_velocity(wavy):
+    answer = compare(wavy, ["position.x", "velocity.x"], [0.004], max_error=1e-4)
+    assert "does not apply to m/s" in answer["choice"]["velocity.x"]["sentence"]
+
+
+@pytest.mark.parametrize(
+    ("asked", "says"),
+    [
+        ({"surrogates": ["spline", "magic"]}, f"surrogate 'magic' is not known here; use {', '.join(SURROGATES)}"),
+        ({"surrogates": []}, "none is named"),
+        ({"variables": ["position.w"]}, "no variable 'position.w'; it has position.x"),
+        ({"intervals": [0.0015]}, "interval: 0.0015 s is not a multiple of the dense interval 0.001 s"),
+        ({"intervals": [0.001]}, "leaves no snapshot to predict; take at least 0.002 s"),
+        ({"intervals": [0.05]}, "longer than the run"),
+        ({"max_error": -1.0}, "max_error is -1 m; it must be a positive number"),
+        ({"energy": 1.5}, "energy is 1.5; it must be a share above 0"),
+        ({"max_seconds": math.nan}, "max_seconds is nan s"),
+        ({"variables": ["velocity.x"], "max_error": 0.1}, "the variables are in m/s; give the limit in one of these"),
+        ({"max_error": 0.1, "error_unit": "mm"}, "the limit in one of these, or compare a variable in mm"),
+    ],
+)
+def test_what_cannot_be_asked_is_refused_with_the_remedy(wavy, asked, says):
+    with pytest.raises(Refusal, match=says.replace("(", r"\(")):
+        compare(wavy, **asked)
+
+
+def test_a_run_of_one_snapshot_is_refused(tmp_path):
+    with Run(write(tmp_path / "one.h5", *wavy_motion(1))) as run, pytest.raises(Refusal, match="needs at least 2"):
+        compare(run)
+
+
+def test_a_run_of_two_snapshots_leaves_nothing_to_predict(tmp_path):
+    with Run(write(tmp_path / "two.h5", *wavy_motion(2))) as run, pytest.raises(Refusal, match="run is too short"):
+        compare(run)
+
+
+@pytest.mark.physics
+def test_between_snapshots_of_a_shaken_bed_stored_velocities_beat_every_reduced_model(tmp_path):
+    import_run(SHAKE, tmp_path / "shake.h5", interval=INTERVAL)
+    with Run(tmp_path / "shake.h5") as run:
+        answer = compare(run, ["position.x", "position.z"], [0.005, 0.003])
+    for variable in ("position.x", "position.z"):
+        for interval in (0.005, 0.003):
+            rows = [r for r in answer["rows"] if (r["variable"], r["interval"]) == (variable, interval)]
+            assert min(rows, key=lambda r: r["rmse"])["surrogate"] == "raw-hermite"
+            # what the models buy is storage: with n_lr modes less than the snapshots and velocities take
+            assert min(rows, key=lambda r: r["storage_bytes"])["modes"] is not None
