@@ -89,7 +89,7 @@ def judged(square, sigma, stride, rows):
 
 
 def timed(work, repeats=1):
-    """Result and seconds, the least of some repeats: what disturbs a timing only ever adds to it."""
+    """Return result and seconds, the least of some repeats: what disturbs a timing only ever adds to it."""
     seconds = []
     for _ in range(repeats):
         start = time.perf_counter()
@@ -98,9 +98,9 @@ def timed(work, repeats=1):
     return result, min(seconds)
 
 
-def compare(name, way, W, table, one_pass, repeats=3):
+def compare(name, way, W, table, one_pass):
     """Time a direct way and print how much slower it is and how much it differs."""
-    found, seconds = timed(lambda: [way(W, k) for k in STRIDES], repeats)
+    found, seconds = timed(lambda: [way(W, k) for k in STRIDES])
     pairs = list(zip(found, table.candidates, strict=True))
     # two ratios to almost nothing may differ by much; the difference is relative where R_c is above 1
     worst = max((np.abs(r[: len(c.curves.R_c)] / c.curves.R_c - 1)).max() for (r, _, _), c in pairs)
@@ -113,13 +113,11 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rows", type=int, default=50_000)
     parser.add_argument("--snapshots", type=int, default=1000)
-    parser.add_argument("--noise", type=float, default=1e-3, help="of the motion; 1e-4 needs a second pass")
+    parser.add_argument("--noise", type=float, default=1e-3, help="added to a motion of about 4")
     options = parser.parse_args()
     W = falling_amplitudes(options.rows, options.snapshots, options.noise)
     times = np.arange(options.snapshots) * 1e-3
-    print(
-        f"{options.rows} x {options.snapshots}, double precision, {torch.get_num_threads()} threads, Δτ 10 … 2 ms, best of 3"
-    )
+    print(f"{options.rows} x {options.snapshots}, double precision, {torch.get_num_threads()} threads, Δτ 10 … 2 ms")
     sweep(W[:2000], times, groups=None)  # libraries start their threads
     table, one_pass = timed(lambda: sweep(SnapshotMatrix(W), times, groups=None), repeats=3)
     _, resampled = timed(lambda: sweep(SnapshotMatrix(W), times), repeats=3)
@@ -127,7 +125,7 @@ def main():
     print(f"one pass and an interval for K_f       {resampled:8.2f} s", flush=True)
     compare("tail sums, scipy", lambda W, k: by_tail_sums(W, k, "scipy"), W, table, one_pass)
     compare("tail sums, torch", lambda W, k: by_tail_sums(W, k, "torch"), W, table, one_pass)
-    compare("every n, torch", lambda W, k: by_every_n(W, k, "torch"), W, table, one_pass, repeats=1)
+    compare("every n, torch", lambda W, k: by_every_n(W, k, "torch"), W, table, one_pass)
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ from selection.resolution import resolution_ratio
 
 Array = NDArray[np.float64]
 ACCURACY = 1e-6  # error of R_c above which inner products are not good enough
+DECIDED = 2.0  # times its limit: beyond it R_c runs to infinity at full rank, and its digits decide nothing
 
 
 class Candidate(NamedTuple):
@@ -88,7 +89,7 @@ def sweep(
 
     Every training set is a subset of the dense set, so its mean, modes, projections and errors follow from
     G = (W - w₀)ᵀ(W - w₀) by N_t-sized algebra. A second pass, for the square root of G to full precision, is made only
-    where the predicted error ε(‖W‖/E_train)² of R_c exceeds 1e-6.
+    where the predicted error ε(‖W‖/E_train)² of R_c exceeds 1e-6 before R_c is twice its limit.
 
     W: array (rows, N_t), or any object with `shape`, `gram()` and `row_blocks()`. times: (N_t,) s, uniform.
     intervals: Δτ in s, default ten down to two dense intervals. groups: the interval of K_f is a delete-one-group
@@ -128,7 +129,7 @@ def _judge(
     subset: Subset, products: InnerProducts, factor: Callable[[], Array], limits: Thresholds, *, resampled: bool
 ) -> Candidate:
     """All there is to say about one Δτ."""
-    projection, curves = _project(subset, products, factor)
+    projection, curves = _project(subset, products, factor, DECIDED * limits.consistency)
     m = len(subset.training)
     n_lr = least_reconstructable_mode(projection.eigenvalues, limits.energy)
     n_lr_paper = least_reconstructable_mode(projection.eigenvalues, limits.energy, math.ceil(0.8 * m))
@@ -159,13 +160,15 @@ def _judge(
     )
 
 
-def _project(subset: Subset, products: InnerProducts, factor: Callable[[], Array]) -> tuple[Projection, Consistency]:
+def _project(
+    subset: Subset, products: InnerProducts, factor: Callable[[], Array], decided: float
+) -> tuple[Projection, Consistency]:
     """Projection and errors from inner products, or from the square root where those are not good enough."""
     last = len(subset.testing)
     motion = math.sqrt(np.trace(products.gram) / (len(products.gram) * products.rows))
     projection = project_from_gram(products.gram[:last, :last], subset.training)
     curves = consistency(projection, products.rows, motion, exact=False)
-    if (curves.predicted_error > ACCURACY).any():
+    if ((curves.predicted_error > ACCURACY) & (curves.R_c <= decided)).any():
         projection = project_from_factor(factor()[:, :last], subset.training)
         curves = consistency(projection, products.rows, motion, exact=True)
     return projection, curves

@@ -9,7 +9,7 @@ a pair set to restitution e rebounds with e, and neither acts on particles at re
 from math import log, pi, sqrt
 from typing import NamedTuple
 
-from sim.kernel import kernel
+from sim.kernel import inlined
 
 STEPS_PER_CONTACT = 50  # the default time step
 FEWEST_STEPS_PER_CONTACT = 20  # above this a step is refused; below restitution 0.9 the default is also the limit
@@ -50,7 +50,7 @@ def tangential_time(tangential_stiffness: float, reduced_mass: float) -> float:
     return pi * sqrt(reduced_mass / (TANGENTIAL_COMPLIANCE * tangential_stiffness))
 
 
-@kernel
+@inlined
 def normal_contact(
     overlap: float, separation_speed: float, phase: int, reduced_mass: float, law: ContactLaw, dt: float
 ) -> tuple[float, float, float, float, int]:
@@ -81,7 +81,7 @@ def normal_contact(
     return load, share * damping * separation_speed * dt, share, elapsed, phase
 
 
-@kernel
+@inlined
 def tangential_force(
     normal: tuple[float, float, float],
     slip: tuple[float, float, float],

@@ -74,6 +74,11 @@ def kernel(function: F) -> F:
     return _compiled(function)
 
 
+def inlined(function: F) -> F:
+    """Compile a short function into each of its callers, as laws evaluated for every contact must be."""
+    return _compiled(function, forceinline=True)
+
+
 def parallel_kernel(function: F) -> F:
     """Compile a function whose `prange` loops run on all threads of `numba.set_num_threads`.
 

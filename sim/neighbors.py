@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import prange
 
-from sim.kernel import Array, Flags, Indices, kernel, parallel_kernel
+from sim.kernel import Array, Flags, Indices, inlined, kernel, parallel_kernel
 
 BLOCK = 4  # cells per side of a block; blocks are numbered in turn, so that a chunk is compact in space
-PARTICLES_PER_CHUNK = 512
+PARTICLES_PER_CHUNK = 500
 MOST_CHUNKS = 64
 
 
@@ -42,14 +42,15 @@ class CellGrid(NamedTuple):
 def chunk_bounds(n: int) -> Indices:
     """Deal n particles to chunks of about equal size: shape (chunks + 1,)."""
     chunks = min(max(1, n // PARTICLES_PER_CHUNK), MOST_CHUNKS)
+    if chunks > 1:  # a multiple of four, so that two or four threads get equal shares
+        chunks = -(-chunks // 4) * 4
     return np.linspace(0, n, chunks + 1).astype(np.int64)
 
 
-def empty_neighbors(n: int, per_particle: int, with_spring: bool) -> Neighbors:
-    """Return a list without entries that has room for `per_particle` of them on average."""
+def empty_neighbors(n: int, region: int, with_spring: bool) -> Neighbors:
+    """Return a list without entries that has room for `region` of them in every chunk."""
     chunks = chunk_bounds(n)
-    widest = int(np.diff(chunks).max())
-    capacity = max(1, widest * per_particle) * (len(chunks) - 1)
+    capacity = region * (len(chunks) - 1)
     none = np.zeros(n, np.int64)
     spring = np.zeros((capacity, 3)) if with_spring else None
     return Neighbors(chunks, none, none.copy(), np.zeros(capacity, np.int64), np.zeros(capacity, np.uint8), spring)
@@ -65,14 +66,14 @@ def cell_grid(position: Array, cutoff: float) -> CellGrid:
     return CellGrid(lowest, 1.0 / size, cells, -(-cells // BLOCK))
 
 
-@kernel
+@inlined
 def cell_number(ix: int, iy: int, iz: int, blocks: Indices) -> int:
     """Return the number of a cell: its block's, then its place within the block."""
     block: int = ((iz // BLOCK) * blocks[1] + iy // BLOCK) * blocks[0] + ix // BLOCK
     return ((block * BLOCK + iz % BLOCK) * BLOCK + iy % BLOCK) * BLOCK + ix % BLOCK
 
 
-@kernel
+@inlined
 def cell_of(x: float, y: float, z: float, grid: CellGrid) -> tuple[int, int, int]:
     """Return the three indices of the cell that holds a point (m)."""
     ix = floor((x - grid.lowest[0]) * grid.inverse_size)
@@ -146,7 +147,7 @@ def fill_neighbors(
     return wanted
 
 
-@kernel
+@inlined
 def inherited_entry(old: Neighbors, i: int, j: int) -> int:
     """Entry of the old list in which i lists j while touching it, or −1."""
     for entry in range(old.first[i], old.last[i]):
@@ -189,15 +190,13 @@ def rebuilt_neighbors(
     position: Array, radius: Array, order: Indices, start: Indices, grid: CellGrid, skin: float, old: Neighbors
 ) -> Neighbors:
     """Return the list for particles already put in `order`, with the contacts of the old list."""
-    n = len(radius)
-    per_particle = len(old.partner) // max(1, n) + 1
+    region = len(old.partner) // (len(old.chunks) - 1)
     while True:
-        new = empty_neighbors(n, per_particle, old.spring is not None)
+        new = empty_neighbors(len(radius), region, old.spring is not None)
         most = int(fill_neighbors(position, radius, grid, start, skin, without_spring(new)).max())
-        region = len(new.partner) // (len(new.chunks) - 1)
         if most <= region:
             break
-        per_particle = int(per_particle * 1.25 * most / region) + 1
+        region = int(1.25 * most) + 1
     none = np.zeros((0, 3))
     inherit_contacts(
         order,

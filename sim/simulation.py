@@ -19,7 +19,7 @@ from sim.timestep import snapshots_in, time_step
 from sim.verlet import Step, advance, fill_forces
 from sim.walls import BODY_TALLY, no_near_walls, rebuilt_near_walls, wall_speed
 
-SKIN = 0.12  # of the largest diameter: thin enough to keep lists short, wide enough to keep them for tens of steps
+SKIN = 0.3  # of the largest diameter: wide enough to keep lists for a hundred steps, thin enough to keep them short
 
 
 class Simulation:

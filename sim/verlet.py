@@ -7,7 +7,7 @@ import numpy as np
 from numba import prange
 
 from sim.contact import ContactLaw
-from sim.kernel import Array, kernel, parallel_kernel
+from sim.kernel import Array, inlined, parallel_kernel
 from sim.motion import Bodies, move_bodies
 from sim.neighbors import Neighbors
 from sim.pairs import add_pair_forces
@@ -78,7 +78,7 @@ def fill_forces(
             )
 
 
-@kernel
+@inlined
 def half_kick(
     i: int,
     half: float,

@@ -10,7 +10,7 @@ import numpy as np
 from numba import prange
 
 from sim.contact import ContactLaw, normal_contact, tangential_force
-from sim.kernel import Array, Flags, Indices, kernel, parallel_kernel
+from sim.kernel import Array, Flags, Indices, inlined, kernel, parallel_kernel
 from sim.motion import FIXED, ROTATING, Bodies
 from sim.shapes import signed_distance
 
@@ -26,23 +26,25 @@ class NearWalls(NamedTuple):
     touching: Flags  # (capacity,) phase of the contact, 0 while apart
 
 
-@kernel
+@inlined
 def wall_distance(walls: Bodies, s: int, x: float, y: float, z: float) -> tuple[float, float, float, float]:
     """Distance φ of a point to shape s where its body stands now (positive on the particles' side), and ∇φ."""
     b = walls.body[s]
     side = walls.side[s]
     if walls.motion[b] == FIXED:
-        d, nx, ny, nz = signed_distance(walls.kind[s], walls.parameter[s], x, y, z)
+        d, nx, ny, nz = signed_distance(walls.kind[s], walls.parameter, s, x, y, z)
         return side * d, side * nx, side * ny, side * nz
-    c, r = walls.centre[b], walls.rotation[b]
-    px, py, pz = x - c[0] - walls.shift[b, 0], y - c[1] - walls.shift[b, 1], z - c[2] - walls.shift[b, 2]
-    qx = r[0, 0] * px + r[1, 0] * py + r[2, 0] * pz + c[0]
-    qy = r[0, 1] * px + r[1, 1] * py + r[2, 1] * pz + c[1]
-    qz = r[0, 2] * px + r[1, 2] * py + r[2, 2] * pz + c[2]
-    d, gx, gy, gz = signed_distance(walls.kind[s], walls.parameter[s], qx, qy, qz)
-    nx = r[0, 0] * gx + r[0, 1] * gy + r[0, 2] * gz
-    ny = r[1, 0] * gx + r[1, 1] * gy + r[1, 2] * gz
-    nz = r[2, 0] * gx + r[2, 1] * gy + r[2, 2] * gz
+    c, r = walls.centre, walls.rotation
+    px = x - c[b, 0] - walls.shift[b, 0]
+    py = y - c[b, 1] - walls.shift[b, 1]
+    pz = z - c[b, 2] - walls.shift[b, 2]
+    qx = r[b, 0, 0] * px + r[b, 1, 0] * py + r[b, 2, 0] * pz + c[b, 0]
+    qy = r[b, 0, 1] * px + r[b, 1, 1] * py + r[b, 2, 1] * pz + c[b, 1]
+    qz = r[b, 0, 2] * px + r[b, 1, 2] * py + r[b, 2, 2] * pz + c[b, 2]
+    d, gx, gy, gz = signed_distance(walls.kind[s], walls.parameter, s, qx, qy, qz)
+    nx = r[b, 0, 0] * gx + r[b, 0, 1] * gy + r[b, 0, 2] * gz
+    ny = r[b, 1, 0] * gx + r[b, 1, 1] * gy + r[b, 1, 2] * gz
+    nz = r[b, 2, 0] * gx + r[b, 2, 1] * gy + r[b, 2, 2] * gz
     return side * d, side * nx, side * ny, side * nz
 
 
@@ -237,13 +239,12 @@ def add_wall_forces(
             force[i, 0] += fx
             force[i, 1] += fy
             force[i, 2] += fz
-            given = body_tally[c, b]
-            given[0] += fx * dt
-            given[1] += fy * dt
-            given[2] += fz * dt
-            given[3] += (ay * fz - az * fy) * dt
-            given[4] += (az * fx - ax * fz) * dt
-            given[5] += (ax * fy - ay * fx) * dt
-            given[6] += (fx * wx + fy * wy + fz * wz) * dt
+            body_tally[c, b, 0] += fx * dt
+            body_tally[c, b, 1] += fy * dt
+            body_tally[c, b, 2] += fz * dt
+            body_tally[c, b, 3] += (ay * fz - az * fy) * dt
+            body_tally[c, b, 4] += (az * fx - ax * fz) * dt
+            body_tally[c, b, 5] += (ax * fy - ay * fx) * dt
+            body_tally[c, b, 6] += (fx * wx + fy * wy + fz * wz) * dt
     tally[c, 0] += lost
     tally[c, 1] = deepest

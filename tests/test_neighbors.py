@@ -83,3 +83,13 @@ def test_run_is_bitwise_the_same_on_one_thread_and_on_two():
     np.testing.assert_array_equal(runs[0].position, runs[1].position)
     np.testing.assert_array_equal(runs[0].angular_velocity, runs[1].angular_velocity)
     assert runs[0].series == runs[1].series
+
+
+def test_room_for_the_list_does_not_grow_as_it_is_rebuilt():
+    rng = np.random.default_rng(7)
+    position, radius = rng.uniform(0, 12e-3, (2000, 3)), np.full(2000, 5e-4)
+    _, listed = build(position, radius, 1e-4)
+    for _ in range(20):
+        _, again = build(position, radius, 1e-4, listed)
+        assert len(again.partner) == len(listed.partner)
+        listed = again

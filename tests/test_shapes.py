@@ -15,7 +15,8 @@ SHAPES = {
 
 
 def distance(shape, point):
-    return np.array(signed_distance(*SHAPES[shape], *point))
+    kind, parameter = SHAPES[shape]
+    return np.array(signed_distance(kind, parameter[None], 0, *point))
 
 
 @pytest.mark.parametrize("shape", SHAPES)
