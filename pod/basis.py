@@ -95,7 +95,7 @@ def lanczos_pod(
         energy = energy if energy is not None else 0.999
     wanted = _wanted(operator.energies, matrix.shape, energy, modes, tolerance)
     pairs = lanczos(operator.product, matrix.shape[1], wanted, trace=total, device=matrix.device)
-    return _basis(matrix, pairs, total, energy if energy is not None else reconstructable, chosen)
+    return _basis(matrix, pairs, total, reconstructable, chosen)
 
 
 def _check(shape: tuple[int, int], energy: float | None, modes: int | None, tolerance: float | None) -> None:

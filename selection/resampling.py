@@ -12,7 +12,7 @@ from selection.gram import InnerProducts
 from selection.intervals import Subset
 
 Array = NDArray[np.float64]
-CONFIDENCE = 0.95  # two-sided
+CONFIDENCE = 0.95  # two-sided, of the spread alone
 ACCURACY = 1e-2  # error of R_c above which inner products alone say nothing about its crossing
 
 
@@ -31,7 +31,10 @@ def smooth_index(eigenvalues: Array, crossing: Crossing, energy: float) -> float
 
 
 def half_width_of_feasibility(products: InnerProducts, subset: Subset, limits: Thresholds) -> float | None:
-    """Half the 95 % interval of K_f: Student's t times its delete-one-group jackknife error.
+    """Half the interval of K_f: Student's t at 95 % times its delete-one-group jackknife error.
+
+    It tells how much these particles leave open, not how far K_f is from that of infinitely many: K_f falls with the
+    number of particles, and with a hundred of them that bias can exceed the interval.
 
     s² = (k-1)/k Σ_g (θ_g - θ̄)², θ_g the interpolated K_f without the particles of group g. None without groups, and
     where R_c crosses its limit so near round-off that the inner products cannot tell.

@@ -36,7 +36,7 @@ class Candidate(NamedTuple):
     n_lr_paper: int  # the same with the paper's denominator, the leading 80 % of the eigenvalues
     n_c: int  # consistent mode
     K_f: float | None  # n_c / n_lr; None where it is undefined
-    K_f_interval: tuple[float, float] | None  # 95 %, from leaving out groups of particles
+    K_f_interval: tuple[float, float] | None  # from leaving out groups of particles
     n_c_gap: int | None  # consistent mode by the gaps alone; None where there are none
     K_f_gap: float | None
     R_a: float | None  # resolution ratio at n = n_c

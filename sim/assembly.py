@@ -7,7 +7,7 @@ import numpy as np
 from sim.contact import ContactLaw, contact_law
 from sim.errors import InputError
 from sim.kernel import Array
-from sim.motion import FIXED, MOTION_PARAMETERS, OSCILLATING, ROTATING, TRANSLATING, Bodies, rotation_about
+from sim.motion import FIXED, MOTION_PARAMETERS, OSCILLATING, ROTATING, TRANSLATING, Bodies, move_bodies, rotation_about
 from sim.scene import Box, Contact, Cylinder, Oscillation, Plane, Rotation, Scene, WallTable
 from sim.shapes import BOX, CYLINDER, PARAMETERS, PLANE, TUBE
 
@@ -119,7 +119,7 @@ def walls_of(scene: Scene) -> Bodies | None:
             motion[b] = TRANSLATING
             law[b, :3] = moves.velocity
     zero = np.zeros((n, 3))
-    return Bodies(
+    walls = Bodies(
         np.array([kind for _, kind, _, _ in rows], np.int64),
         np.array([parameter for _, _, parameter, _ in rows]),
         np.array([side for _, _, _, side in rows]),
@@ -132,3 +132,5 @@ def walls_of(scene: Scene) -> Bodies | None:
         zero.copy(),
         zero.copy(),
     )
+    move_bodies(walls, 0.0)
+    return walls

@@ -9,7 +9,7 @@ a pair set to restitution e rebounds with e, and neither acts on particles at re
 from math import log, pi, sqrt
 from typing import NamedTuple
 
-from sim.kernel import inlined
+from sim.kernel import Array, Flags, Vector, inlined
 
 STEPS_PER_CONTACT = 50  # the default time step
 FEWEST_STEPS_PER_CONTACT = 20  # above this a step is refused; below restitution 0.9 the default is also the limit
@@ -83,16 +83,16 @@ def normal_contact(
 
 @inlined
 def tangential_force(
-    normal: tuple[float, float, float],
-    slip: tuple[float, float, float],
-    spring: tuple[float, float, float],
+    normal: Vector,
+    slip: Vector,
+    spring: Vector,
     normal_load: float,
     share: float,
     reduced_mass: float,
     law: ContactLaw,
     dt: float,
     elapsed: float,
-) -> tuple[tuple[float, float, float], tuple[float, float, float], float]:
+) -> tuple[Vector, Vector, float]:
     """Return friction in N, the tangential spring half a step ahead in m, and the energy dissipated this step in J.
 
     Trial F* = −k_t δ_t − w η_t v_t; where |F*| > μ|F_n| the force is μ|F_n| F*/|F*| and the spring is reset so that
@@ -117,12 +117,68 @@ def tangential_force(
     damping = share * law.tangential_damping * sqrt(reduced_mass)
     fx, fy, fz = -k * px - damping * vx, -k * py - damping * vy, -k * pz - damping * vz
     limit = law.friction * abs(normal_load)
-    trial = sqrt(fx * fx + fy * fy + fz * fz)
-    if trial > limit:
-        cut = limit / trial
+    trial = fx * fx + fy * fy + fz * fz
+    if trial > limit * limit:
+        cut = limit / sqrt(trial)
         fx, fy, fz = fx * cut, fy * cut, fz * cut
         px, py, pz = -(fx + damping * vx) / k, -(fy + damping * vy) / k, -(fz + damping * vz) / k
     half = 0.5 * dt
     px, py, pz = px + vx * half, py + vy * half, pz + vz * half
     work = -(fx * vx + fy * vy + fz * vz) * dt
     return (fx, fy, fz), (px, py, pz), work + 0.5 * k * (stored - px * px - py * py - pz * pz)
+
+
+@inlined
+def contact_force(
+    entry: int,
+    overlap: float,
+    normal: Vector,
+    approach: Vector,
+    turning: Vector,
+    touching: Flags,
+    spring: Array | None,
+    reduced_mass: float,
+    law: ContactLaw,
+    dt: float,
+) -> tuple[Vector, Vector, float]:
+    """Return the force of a contact in N, n × F_t in N, and the energy dissipated this step in J.
+
+    `approach` is the relative velocity of the centres and `turning` the sum of lever arm times spin (m/s): the slip is
+    the tangential part of v − Σ l ω × n. Phase and spring of the list's entry are brought up to date; without springs
+    (None) there is no friction.
+    """
+    nx, ny, nz = normal
+    vx, vy, vz = approach
+    speed = vx * nx + vy * ny + vz * nz
+    load, lost, share, elapsed, phase = normal_contact(overlap, speed, touching[entry], reduced_mass, law, dt)
+    touching[entry] = phase
+    fx, fy, fz = load * nx, load * ny, load * nz
+    moment = (0.0, 0.0, 0.0)
+    if spring is not None:
+        sx, sy, sz = turning
+        slip = (
+            vx - speed * nx - (sy * nz - sz * ny),
+            vy - speed * ny - (sz * nx - sx * nz),
+            vz - speed * nz - (sx * ny - sy * nx),
+        )
+        old = (spring[entry, 0], spring[entry, 1], spring[entry, 2])
+        (gx, gy, gz), new, rubbed = tangential_force(normal, slip, old, load, share, reduced_mass, law, dt, elapsed)
+        spring[entry, 0], spring[entry, 1], spring[entry, 2] = new
+        lost += rubbed
+        fx, fy, fz = fx + gx, fy + gy, fz + gz
+        moment = (ny * gz - nz * gy, nz * gx - nx * gz, nx * gy - ny * gx)
+    return (fx, fy, fz), moment, lost
+
+
+@inlined
+def part(entry: int, touching: Flags, spring: Array | None, law: ContactLaw) -> float:
+    """End a contact that there may have been, and return the energy (J) that was left in its tangential spring."""
+    if touching[entry] == APART:
+        return 0.0
+    touching[entry] = APART
+    left = 0.0
+    if spring is not None:
+        for axis in range(3):
+            left += 0.5 * law.tangential_stiffness * spring[entry, axis] ** 2
+            spring[entry, axis] = 0.0
+    return left

@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Flags = NDArray[np.uint8]
+Vector = tuple[float, float, float]
+Partners = NDArray[np.uint32]  # unsigned: numba then leaves out the code for negative indices
 
 config: Any = numba_config  # its settings are made at import time, out of a type checker's sight
 
@@ -86,3 +88,11 @@ def parallel_kernel(function: F) -> F:
     loses those writes (numba #5872, #10338).
     """
     return _compiled(function, parallel=True)
+
+
+@inlined
+def add_to_row(rows: Array, i: int, scale: float, vector: Vector) -> None:
+    """Add a multiple of a vector to row i of `rows` (n, 3)."""
+    rows[i, 0] += scale * vector[0]
+    rows[i, 1] += scale * vector[1]
+    rows[i, 2] += scale * vector[2]

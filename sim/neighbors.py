@@ -12,10 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import prange
 
-from sim.kernel import Array, Flags, Indices, inlined, kernel, parallel_kernel
+from sim.kernel import Array, Flags, Indices, Partners, inlined, kernel, parallel_kernel
 
 BLOCK = 4  # cells per side of a block; blocks are numbered in turn, so that a chunk is compact in space
-PARTICLES_PER_CHUNK = 500
+PARTICLES_PER_CHUNK = 2500  # fewer, larger chunks list fewer pairs twice
+FEWEST_TO_SHARE = 1000  # particles; below it a second thread gains nothing
 MOST_CHUNKS = 64
 
 
@@ -25,7 +26,7 @@ class Neighbors(NamedTuple):
     chunks: Indices  # (chunks + 1,) first particle of each chunk
     first: Indices  # (n,)
     last: Indices  # (n,)
-    partner: Indices  # (capacity,) particle
+    partner: Partners  # (capacity,) particle
     touching: Flags  # (capacity,) phase of the contact, 0 while apart
     spring: Array | None  # (capacity, 3) m, tangential displacement as seen by the listing particle
 
@@ -41,8 +42,8 @@ class CellGrid(NamedTuple):
 
 def chunk_bounds(n: int) -> Indices:
     """Deal n particles to chunks of about equal size: shape (chunks + 1,)."""
-    chunks = min(max(1, n // PARTICLES_PER_CHUNK), MOST_CHUNKS)
-    if chunks > 1:  # a multiple of four, so that two or four threads get equal shares
+    chunks = 1 if n < FEWEST_TO_SHARE else min(max(1, n // PARTICLES_PER_CHUNK), MOST_CHUNKS)
+    if n >= FEWEST_TO_SHARE:  # a multiple of four, so that two or four threads get equal shares
         chunks = -(-chunks // 4) * 4
     return np.linspace(0, n, chunks + 1).astype(np.int64)
 
@@ -53,7 +54,7 @@ def empty_neighbors(n: int, region: int, with_spring: bool) -> Neighbors:
     capacity = region * (len(chunks) - 1)
     none = np.zeros(n, np.int64)
     spring = np.zeros((capacity, 3)) if with_spring else None
-    return Neighbors(chunks, none, none.copy(), np.zeros(capacity, np.int64), np.zeros(capacity, np.uint8), spring)
+    return Neighbors(chunks, none, none.copy(), np.zeros(capacity, np.uint32), np.zeros(capacity, np.uint8), spring)
 
 
 def cell_grid(position: Array, cutoff: float) -> CellGrid:

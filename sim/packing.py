@@ -83,13 +83,17 @@ def pack(scene: Scene, walls: Bodies | None, rng: np.random.Generator) -> Array:
         else:
             high = middle
     chosen = sites[np.sort(rng.permutation(len(sites))[:wanted])]
-    return rng.permutation(_shaken(chosen, low - tightest, diameter / 2.0, walls, rng))
+    moved = np.clip(_shift(chosen, low - tightest, rng), lowest + diameter / 2.0, highest - diameter / 2.0)
+    return rng.permutation(_unless_touching(walls, moved, chosen, diameter / 2.0))
 
 
-def _shaken(sites: Array, gap: float, radius: float, walls: Bodies | None, rng: np.random.Generator) -> Array:
-    """Displace sites at random by less than half the gap (m) between them, unless that would touch a wall."""
-    shift = rng.uniform(-1.0, 1.0, sites.shape) * max(gap, 0.0) / (2.0 * np.sqrt(3.0))
-    moved: Array = sites + shift
+def _shift(sites: Array, gap: float, rng: np.random.Generator) -> Array:
+    """Displace sites at random by less than half the gap (m) between them."""
+    return np.asarray(sites + rng.uniform(-1.0, 1.0, sites.shape) * max(gap, 0.0) / (2.0 * np.sqrt(3.0)))
+
+
+def _unless_touching(walls: Bodies | None, moved: Array, sites: Array, radius: float) -> Array:
+    """Take the moved sites, but where one would touch a wall the site itself."""
     if walls is None:
         return moved
     _, least = count_near_walls(moved, np.full(len(moved), radius), walls, 0.0)

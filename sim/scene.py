@@ -8,11 +8,19 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
 from sim.errors import InputError
 
 Vector = tuple[float, float, float]
+
+
+def _of_each(value: object) -> str:
+    """Tell whether a vector is given for each particle, or one for all of them."""
+    return "each" if isinstance(value, list | tuple) and value and isinstance(value[0], list | tuple) else "all"
+
+
+Vectors = Annotated[Annotated[list[Vector], Tag("each")] | Annotated[Vector, Tag("all")], Discriminator(_of_each)]
 
 
 def quantity(unit: str, description: str, **limits: Any) -> Any:
@@ -23,18 +31,18 @@ def quantity(unit: str, description: str, **limits: Any) -> Any:
 class Table(BaseModel):
     """A table of a scene: unknown keys are refused, values do not change."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class ParticleTable(Table):
     """Spheres of one species."""
 
-    diameter: float = quantity("m", "diameter", gt=0.0, allow_inf_nan=False)
-    density: float = quantity("kg/m³", "density of the material", gt=0.0, allow_inf_nan=False)
+    diameter: float = quantity("m", "diameter", gt=0.0)
+    density: float = quantity("kg/m³", "density of the material", gt=0.0)
     count: int | None = quantity("", "how many are packed at random between the walls", default=None, gt=0)
     position: list[Vector] | None = quantity("m", "centres, instead of a count", default=None, min_length=1)
-    velocity: list[Vector] | Vector = quantity("m/s", "of each, or of all", default=(0.0, 0.0, 0.0))
-    angular_velocity: list[Vector] | Vector = quantity("rad/s", "of each, or of all", default=(0.0, 0.0, 0.0))
+    velocity: Vectors = quantity("m/s", "of each, or of all", default=(0.0, 0.0, 0.0))
+    angular_velocity: Vectors = quantity("rad/s", "of each, or of all", default=(0.0, 0.0, 0.0))
 
     @model_validator(mode="after")
     def _count_or_positions(self) -> "ParticleTable":
@@ -50,7 +58,7 @@ class ParticleTable(Table):
 class Contact(Table):
     """Linear spring, dashpot and slider (paper eqs. (4), (5))."""
 
-    stiffness: float = quantity("N/m", "normal spring", gt=0.0, allow_inf_nan=False)
+    stiffness: float = quantity("N/m", "normal spring", gt=0.0)
     restitution: float = quantity("", "ratio of normal speeds after and before a contact", ge=1e-3, le=1.0)
     friction: float = quantity(
         "", "Coulomb coefficient; 0: nothing turns, no tangential force", default=0.0, ge=0.0, le=10.0
@@ -74,7 +82,10 @@ class Plane(Table):
 
 
 class Box(Table):
-    """Box with edges along the axes."""
+    """Box with edges along the axes.
+
+    Particles inside of it are held by its faces, each an endless plane; outside of it by the box as a solid.
+    """
 
     shape: Literal["box"]
     lowest: Vector = quantity("m", "corner")
@@ -89,7 +100,7 @@ class Cylinder(Table):
     shape: Literal["cylinder"]
     centre: Vector = quantity("m", "middle of its axis", default=(0.0, 0.0, 0.0))
     axis: Vector = quantity("", "direction, of any length")
-    radius: float = quantity("m", "radius", gt=0.0, allow_inf_nan=False)
+    radius: float = quantity("m", "radius", gt=0.0)
     length: float | None = quantity("m", "along the axis; absent: endless", default=None, gt=0.0)
     particles: Literal["inside", "outside"]
     copies: int = quantity("", "this many, at equal angles about the axis that the body rotates about", default=1, ge=1)
@@ -101,7 +112,7 @@ class Rotation(Table):
     kind: Literal["rotation"]
     axis: Vector = quantity("", "direction, of any length")
     point: Vector = quantity("m", "any point of the axis", default=(0.0, 0.0, 0.0))
-    rpm: float = quantity("1/min", "revolutions per minute, counter-clockwise about the axis", allow_inf_nan=False)
+    rpm: float = quantity("1/min", "revolutions per minute, counter-clockwise about the axis")
 
 
 class Oscillation(Table):
@@ -109,7 +120,7 @@ class Oscillation(Table):
 
     kind: Literal["oscillation"]
     amplitude: Vector = quantity("m", "largest displacement along each axis")
-    frequency: float = quantity("Hz", "frequency", gt=0.0, allow_inf_nan=False)
+    frequency: float = quantity("Hz", "frequency", gt=0.0)
     phase: float = quantity("rad", "phase at time zero", default=0.0)
 
 
@@ -123,7 +134,7 @@ class Translation(Table):
 class WallTable(Table):
     """Rigid body made of shapes; each shape that a particle overlaps acts on it."""
 
-    name: str = quantity("", "how results call it", min_length=1)
+    name: str = quantity("", "how results call it: letters, digits, spaces, - and _", pattern=r"^[\w -]+$")
     shapes: list[Annotated[Plane | Box | Cylinder, Field(discriminator="shape")]] = Field(min_length=1)
     motion: Annotated[Rotation | Oscillation | Translation, Field(discriminator="kind")] | None = None
 
@@ -131,21 +142,23 @@ class WallTable(Table):
 class Time(Table):
     """How long, and in which steps."""
 
-    duration: float = quantity("s", "end of the run", gt=0.0, allow_inf_nan=False)
+    duration: float = quantity("s", "end of the run", gt=0.0)
     step: float | None = quantity("s", "time step; absent: a fiftieth of the shortest contact", default=None, gt=0.0)
 
 
 class Output(Table):
     """What is kept."""
 
-    interval: float = quantity("s", "between snapshots", gt=0.0, allow_inf_nan=False)
+    interval: float = quantity("s", "between snapshots", gt=0.0)
     precision: Literal["single", "double"] = "single"
 
 
 class Limits(Table):
     """What stops a run."""
 
-    max_overlap: float = quantity("radii", "largest overlap of a contact; inf lifts the limit", default=0.1, gt=0.0)
+    max_overlap: float = quantity(
+        "radii", "largest overlap of a contact; inf lifts the limit", default=0.1, gt=0.0, allow_inf_nan=True
+    )
 
 
 class Filling(Table):
@@ -153,6 +166,14 @@ class Filling(Table):
 
     lowest: Vector = quantity("m", "corner")
     highest: Vector = quantity("m", "opposite corner")
+
+    @model_validator(mode="after")
+    def _has_room(self) -> "Filling":
+        if not all(low < high for low, high in zip(self.lowest, self.highest, strict=True)):
+            raise ValueError(
+                f"highest = {list(self.highest)} m must exceed lowest = {list(self.lowest)} m in every direction"
+            )
+        return self
 
 
 class Scene(Table):
@@ -168,6 +189,14 @@ class Scene(Table):
     walls: list[WallTable] = []
     filling: Filling | None = None
     seed: int = quantity("", "of the random packing", default=0, ge=0)
+
+    @model_validator(mode="after")
+    def _walls_have_their_own_names(self) -> "Scene":
+        names = [wall.name for wall in self.walls]
+        for k, name in enumerate(names):
+            if name in names[:k]:
+                raise ValueError(f"walls.{k}.name = {name!r} is taken by walls.{names.index(name)}; give another")
+        return self
 
     @property
     def law_of_walls(self) -> Contact:
@@ -185,6 +214,7 @@ def _unit(model: type[BaseModel], path: tuple[int | str, ...]) -> str:
     schema: Any = model.model_json_schema()
     definitions = schema.get("$defs", {})
     node: Any = schema
+    unit = ""  # a component of a vector has that of the vector
     for key in path:
         options = [node, *node.get("anyOf", []), *node.get("oneOf", [])]
         options = [definitions[o["$ref"].split("/")[-1]] if "$ref" in o else o for o in options]
@@ -194,23 +224,37 @@ def _unit(model: type[BaseModel], path: tuple[int | str, ...]) -> str:
         if step is None:
             continue
         node = definitions[step["$ref"].split("/")[-1]] if "$ref" in step else step
-    return str(node.get("unit", ""))
+        unit = node.get("unit", unit)
+    return unit
 
 
-def refusal(error: ValidationError, source: str) -> InputError:
-    """Turn pydantic's findings into one message with field, value, unit and what is wanted."""
+def _place(tables: Any, path: tuple[int | str, ...]) -> str:
+    """Name a field as the scene writes it; pydantic's path also holds which kind of shape or motion it tried."""
+    kept, node = [], tables
+    for part in path:
+        inside = part in node if isinstance(node, dict) else isinstance(node, list | tuple) and part in range(len(node))
+        if inside:
+            node = node[part]
+        if inside or (part == path[-1] and part not in ("each", "all")):
+            kept.append(str(part))
+    return ".".join(kept)
+
+
+def refusal(error: ValidationError, source: str, tables: Any) -> InputError:
+    """Turn pydantic's findings on a scene's tables into one message with field, value, unit and what is wanted."""
     findings = error.errors(include_url=False, include_context=False)
     lines = []
     for found in findings[:5]:
         path = found["loc"]
-        name = ".".join(str(part) for part in path) or "scene"
+        name = _place(tables, path)
         unit = _unit(Scene, path)
         value = found["input"]
         shown = f" = {value!r}" if isinstance(value, str | int | float | bool) else ""
         wanted = found["msg"].removeprefix("Value error, ")
         if found["type"] == "extra_forbidden":
             wanted = "unknown key; `suffice scenes mini_mill` shows what a scene may say"
-        lines.append(f"{name}{shown}{' ' + unit if shown and unit else ''}: {wanted}")
+        at_fault = f"{name}{shown}{' ' + unit if shown and unit else ''}"
+        lines.append(f"{at_fault}: {wanted}" if at_fault else wanted)
     rest = f" (and {len(findings) - 5} more)" if len(findings) > 5 else ""
     return InputError(f"scene {source}: " + "; ".join(lines) + rest)
 
@@ -221,11 +265,13 @@ def parse_scene(text: str, source: str = "") -> Scene:
     Raises InputError with every field at fault, its value, unit and limit.
     """
     try:
-        return Scene.model_validate(tomllib.loads(text))
+        tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"scene {source}: not valid TOML: {error}") from None
+    try:
+        return Scene.model_validate(tables)
     except ValidationError as error:
-        raise refusal(error, source) from None
+        raise refusal(error, source, tables) from None
 
 
 def built_in_scenes() -> dict[str, str]:

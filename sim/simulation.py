@@ -16,7 +16,7 @@ from sim.scene import Scene
 from sim.start import check_pairs, check_walls, starting_particles
 from sim.state import Snapshot, reordered
 from sim.timestep import snapshots_in, time_step
-from sim.verlet import Step, advance, fill_forces
+from sim.verlet import Step, Terms, advance, fill_forces
 from sim.walls import BODY_TALLY, no_near_walls, rebuilt_near_walls, wall_speed
 
 SKIN = 0.3  # of the largest diameter: wide enough to keep lists for a hundred steps, thin enough to keep them short
@@ -98,6 +98,7 @@ class Simulation:
             Step(self.step, self.listed_step, self.dt, self.skin, self.wall_speed, limit),
             steps,
             drifted,
+            self.gravity,
             p.position,
             p.velocity,
             p.spin,
@@ -107,9 +108,16 @@ class Simulation:
             p.inverse_mass,
             self.force,
             self.torque,
-            self.gravity,
-            without_spring(self.listed),
             self.listed_at,
+            self.walls,
+            self.listed.chunks,
+            self.tally,
+            self._terms(),
+        )
+
+    def _terms(self) -> Terms:
+        return (
+            without_spring(self.listed),
             self.listed.spring,
             self.pair_law,
             self.walls,
@@ -171,25 +179,10 @@ class Simulation:
     def _fill_starting_forces(self) -> None:
         """Set the forces at time zero; over no time, so that nothing slips or is dissipated."""
         p = self.particles
+        terms = self._terms()
         fill_forces(
-            0.0,
-            p.position,
-            p.velocity,
-            p.spin,
-            p.radius,
-            p.inverse_mass,
-            self.force,
-            self.torque,
-            without_spring(self.listed),
-            self.listed.spring,
-            self.pair_law,
-            self.walls,
-            self.near,
-            self.wall_spring,
-            self.wall_law,
-            self.tally,
-            self.body_tally,
-        )
+            0.0, p.position, p.velocity, p.spin, p.radius, p.inverse_mass, self.force, self.torque, *terms
+        )  # fmt: skip
 
     def _check_overlap(self) -> None:
         limit = self.scene.limits.max_overlap

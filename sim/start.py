@@ -26,7 +26,7 @@ def _size(table: ParticleTable) -> int:
 def starting_particles(scene: Scene, walls: Bodies | None) -> Particles:
     """Return the particles of a scene in the order of its tables; counted ones are packed between the walls.
 
-    Raises InputError where spins are given but nothing in the scene could change them, or a vector is not finite.
+    Raises InputError where spins are given but nothing in the scene could change them.
     """
     packed = pack(scene, walls, np.random.default_rng(scene.seed))
     sizes = [_size(table) for table in scene.particles]
@@ -43,7 +43,7 @@ def starting_particles(scene: Scene, walls: Bodies | None) -> Particles:
             "leave it out or add friction"
         )
     velocity = np.concatenate([_rows(table.velocity, n) for table, n in columns])
-    particles = Particles(
+    return Particles(
         np.concatenate(position),
         velocity,
         np.repeat([table.diameter / 2.0 for table in scene.particles], sizes),
@@ -54,16 +54,6 @@ def starting_particles(scene: Scene, walls: Bodies | None) -> Particles:
         velocity.copy(),
         spin.copy() if scene.turns else None,
     )
-    _refuse_infinite(particles)
-    return particles
-
-
-def _refuse_infinite(particles: Particles) -> None:
-    for name in ("position", "velocity", "spin"):
-        rows = getattr(particles, name)
-        if rows is not None and not np.isfinite(rows).all():
-            i = int(np.argmin(np.isfinite(rows).all(axis=1)))
-            raise InputError(f"particles.{name} of particle {i} = {rows[i].tolist()}: not a finite number")
 
 
 def check_walls(scene: Scene, p: Particles, walls: Bodies | None) -> None:

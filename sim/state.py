@@ -26,7 +26,7 @@ class Snapshot(NamedTuple):
     position: Array  # (n, 3) m
     velocity: Array  # (n, 3) m/s
     angular_velocity: Array | None  # (n, 3) rad/s
-    series: dict[str, float]  # diagnostics of this moment, by name with unit
+    series: dict[str, float]  # diagnostics of this moment by name: J, N, N m, W; overlaps in radii
 
 
 def mass(particles: Particles) -> Array:

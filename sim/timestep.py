@@ -1,12 +1,14 @@
 """The time step: how large each contact lets it be, and which one binds."""
 
-from math import inf, pi
+from math import inf, pi, sqrt
 from typing import NamedTuple
 
+from sim.assembly import law_of
 from sim.contact import (
     FEWEST_STEPS_PER_CONTACT,
     NEARLY_ELASTIC,
     STEPS_PER_CONTACT,
+    TANGENTIAL_COMPLIANCE,
     contact_time,
     tangential_time,
 )
@@ -20,6 +22,7 @@ class TimeLimit(NamedTuple):
     term: str
     largest: float  # s
     advised: float  # s
+    stiffness: float  # N/m, of the normal spring
 
 
 def particle_mass(table: ParticleTable) -> float:
@@ -31,12 +34,20 @@ def contact_limits(term: str, contact: Contact, reduced_mass: float) -> list[Tim
     """Return the limits of the normal and, with friction, of the tangential spring."""
     normal = contact_time(contact.stiffness, contact.restitution, reduced_mass)
     fewest = FEWEST_STEPS_PER_CONTACT if contact.restitution >= NEARLY_ELASTIC else STEPS_PER_CONTACT
-    limits = [TimeLimit(f"{term}, normal", normal / fewest, normal / STEPS_PER_CONTACT)]
+    limits = [TimeLimit(f"{term}, normal spring", normal / fewest, normal / STEPS_PER_CONTACT, contact.stiffness)]
     if contact.friction > 0.0:
         tangential = tangential_time(contact.tangential_stiffness_ratio * contact.stiffness, reduced_mass)
         largest = tangential / FEWEST_STEPS_PER_CONTACT
-        limits.append(TimeLimit(f"{term}, tangential", largest, largest))
+        limits.append(TimeLimit(f"{term}, tangential spring", largest, largest, contact.stiffness))
+        slowest = dashpot_limit(contact, reduced_mass)
+        limits.append(TimeLimit(f"{term}, tangential dashpot", slowest, slowest, contact.stiffness))
     return limits
+
+
+def dashpot_limit(contact: Contact, reduced_mass: float) -> float:
+    """Return the step (s) up to which the tangential dashpot, which lags by half a step, is stable: m* / (7 η_t)."""
+    tangential = law_of(contact).tangential_damping * sqrt(reduced_mass)
+    return 0.5 * reduced_mass / (TANGENTIAL_COMPLIANCE * tangential) if tangential > 0.0 else inf
 
 
 def time_limits(scene: Scene) -> list[TimeLimit]:
@@ -59,8 +70,8 @@ def time_step(scene: Scene) -> tuple[float, int]:
     binding = min(limits, key=lambda limit: limit.largest)
     if wanted > binding.largest * (1.0 + 1e-6):  # a step meant to be the limit passes in spite of rounding
         raise InputError(
-            f"time.step = {wanted:g} s: above the limit of {binding.largest:.3g} s set by the {binding.term} spring "
-            f"(stiffness {scene.contact.stiffness:g} N/m); lower the step, or leave it out for {_advice(limits):.3g} s"
+            f"time.step = {wanted:g} s: above the limit of {binding.largest:.3g} s set by the {binding.term} "
+            f"(stiffness {binding.stiffness:g} N/m); lower the step, or leave it out for {_advice(limits):.3g} s"
         )
     per_snapshot = steps_between(scene.output.interval, wanted)
     return scene.output.interval / per_snapshot, per_snapshot
@@ -86,4 +97,10 @@ def snapshots_in(scene: Scene) -> int:
             f"output.interval = {scene.output.interval:g} s: longer than time.duration = {scene.time.duration:g} s; "
             "a run needs two snapshots at least"
         )
-    return int(intervals + 1e-9) + 1
+    if abs(intervals - round(intervals)) > 1e-6 * intervals:
+        whole = int(intervals) * scene.output.interval
+        raise InputError(
+            f"time.duration = {scene.time.duration:g} s: not a multiple of output.interval = {scene.output.interval:g} "
+            f"s, so its end would be lost; use {whole:g} or {whole + scene.output.interval:g} s"
+        )
+    return round(intervals) + 1

@@ -7,13 +7,11 @@ import numpy as np
 from numba import prange
 
 from sim.contact import ContactLaw
-from sim.kernel import Array, inlined, parallel_kernel
+from sim.kernel import Array, Indices, Vector, inlined, parallel_kernel
 from sim.motion import Bodies, move_bodies
 from sim.neighbors import Neighbors
 from sim.pairs import add_pair_forces
 from sim.walls import NearWalls, add_wall_forces
-
-Vector = tuple[float, float, float]
 
 
 class Step(NamedTuple):
@@ -25,6 +23,13 @@ class Step(NamedTuple):
     skin: float  # m
     wall_speed: float  # m/s
     max_overlap: float  # radii
+
+
+# The terms of a scene as `fill_forces` takes them: pairs, their springs and law, walls, the list of near ones, their
+# springs and law, and what is tallied. A term that is None does not exist in the compiled program.
+Terms = tuple[
+    Neighbors, Array | None, ContactLaw, Bodies | None, NearWalls, Array | None, ContactLaw, Array, Array
+]  # fmt: skip
 
 
 @parallel_kernel
@@ -47,35 +52,16 @@ def fill_forces(
     tally: Array,
     body_tally: Array,
 ) -> None:
-    """Set force (n, 3) N and torque (n, 3) N m to the sum of all contact terms; a term that is None does not exist."""
+    """Set force (n, 3) N and torque (n, 3) N m to the sum of all contact terms."""
     chunks = listed.chunks
     for c in prange(chunks.shape[0] - 1):
-        begin, end = chunks[c], chunks[c + 1]
-        force[begin:end] = 0.0
+        force[chunks[c] : chunks[c + 1]] = 0.0
         if torque is not None:
-            torque[begin:end] = 0.0
-        add_pair_forces(
-            c, position, velocity, spin, radius, inverse_mass, listed, pair_spring, pair_law, dt, force, torque, tally
-        )
+            torque[chunks[c] : chunks[c + 1]] = 0.0
+        bulk = (position, velocity, spin, radius, inverse_mass)
+        add_pair_forces(c, *bulk, listed, pair_spring, pair_law, dt, force, torque, tally)
         if walls is not None:
-            add_wall_forces(
-                c,
-                position,
-                velocity,
-                spin,
-                radius,
-                inverse_mass,
-                chunks,
-                walls,
-                near,
-                wall_spring,
-                wall_law,
-                dt,
-                force,
-                torque,
-                tally,
-                body_tally,
-            )
+            add_wall_forces(c, *bulk, chunks, walls, near, wall_spring, wall_law, dt, force, torque, tally, body_tally)
 
 
 @inlined
@@ -107,10 +93,10 @@ def half_kick(
 
 
 @parallel_kernel
-def advance(
-    step: Step,
-    steps: int,
-    drifted: bool,
+def drift(
+    kicks: int,
+    dt: float,
+    gravity: Vector | None,
     position: Array,
     velocity: Array,
     spin: Array | None,
@@ -120,78 +106,78 @@ def advance(
     inverse_mass: Array,
     force: Array,
     torque: Array | None,
-    gravity: Vector | None,
-    listed: Neighbors,
+    chunks: Indices,
     listed_at: Array,
-    pair_spring: Array | None,
-    pair_law: ContactLaw,
+) -> float:
+    """Kick by `kicks` half steps and move by a step; return how far (m) any particle is from where it was listed.
+
+    `coming` and `coming_spin` (n, 3) become what velocity and spin will be at the end of the step if accelerations
+    last: the forces are evaluated with them.
+    """
+    travel = np.zeros(chunks.shape[0] - 1)
+    half = 0.5 * dt
+    for c in prange(chunks.shape[0] - 1):
+        farthest = 0.0
+        for i in range(chunks[c], chunks[c + 1]):
+            for _ in range(kicks):
+                half_kick(i, half, gravity, velocity, spin, radius, inverse_mass, force, torque, velocity, spin)
+            half_kick(i, half, gravity, velocity, spin, radius, inverse_mass, force, torque, coming, coming_spin)
+            moved = 0.0
+            for axis in range(3):
+                position[i, axis] += dt * velocity[i, axis]
+                moved += (position[i, axis] - listed_at[i, axis]) ** 2
+            if moved > farthest or moved != moved:  # not a number stays, and stops the run
+                farthest = moved
+        travel[c] = farthest
+    return sqrt(travel.max())
+
+
+@parallel_kernel
+def advance(
+    step: Step,
+    steps: int,
+    drifted: bool,
+    gravity: Vector | None,
+    position: Array,
+    velocity: Array,
+    spin: Array | None,
+    coming: Array,
+    coming_spin: Array | None,
+    radius: Array,
+    inverse_mass: Array,
+    force: Array,
+    torque: Array | None,
+    listed_at: Array,
     walls: Bodies | None,
-    near: NearWalls,
-    wall_spring: Array | None,
-    wall_law: ContactLaw,
+    chunks: Indices,
     tally: Array,
-    body_tally: Array,
+    terms: Terms,
 ) -> tuple[int, bool]:
     """Do up to `steps` steps of half kick, drift, forces, half kick; return how many, and whether the list is stale.
 
-    `coming` and `coming_spin` (n, 3) are what velocity and spin will be at the end of a step if accelerations last: the
-    forces are evaluated with them. Returns early when a particle may have left its listed neighbourhood: positions are
-    then drifted and the next call begins with the forces (`drifted`); or when the largest overlap in `tally` passes the
-    limit.
+    Returns early when a particle may have left its listed neighbourhood: positions are then drifted and the next call
+    begins with the forces (`drifted`); or when the largest overlap in `tally` passes the limit.
     """
-    chunks = listed.chunks
-    n_chunks = chunks.shape[0] - 1
-    half = 0.5 * step.dt
-    travel = np.zeros(n_chunks)
     done = 0
     kicks = 1  # the second half kick of a step and the first of the next are done in one sweep
     while done < steps:
         if not drifted:
-            for c in prange(n_chunks):
-                farthest = 0.0
-                for i in range(chunks[c], chunks[c + 1]):
-                    for _ in range(kicks):
-                        half_kick(i, half, gravity, velocity, spin, radius, inverse_mass, force, torque, velocity, spin)
-                    half_kick(
-                        i, half, gravity, velocity, spin, radius, inverse_mass, force, torque, coming, coming_spin
-                    )
-                    moved = 0.0
-                    for axis in range(3):
-                        position[i, axis] += step.dt * velocity[i, axis]
-                        moved += (position[i, axis] - listed_at[i, axis]) ** 2
-                    if moved > farthest or moved != moved:  # not a number stays, and stops the run
-                        farthest = moved
-                travel[c] = farthest
+            moved = drift(
+                kicks, step.dt, gravity, position, velocity, spin, coming, coming_spin, radius, inverse_mass, force,
+                torque, chunks, listed_at,
+            )  # fmt: skip
             if walls is not None:
                 move_bodies(walls, (step.number + done + 1) * step.dt)
             walls_moved = step.wall_speed * step.dt * (step.number + done + 1 - step.listed)
-            moved = sqrt(travel.max())
             if not (2.0 * moved <= step.skin and moved + walls_moved <= step.skin):
                 return done, True
         drifted = False
-        fill_forces(
-            step.dt,
-            position,
-            coming,
-            coming_spin,
-            radius,
-            inverse_mass,
-            force,
-            torque,
-            listed,
-            pair_spring,
-            pair_law,
-            walls,
-            near,
-            wall_spring,
-            wall_law,
-            tally,
-            body_tally,
-        )
+        fill_forces(step.dt, position, coming, coming_spin, radius, inverse_mass, force, torque, *terms)
         kicks = 2
         done += 1
         if tally[:, 1].max() > step.max_overlap:
             break
+    half = 0.5 * step.dt
     for i in prange(position.shape[0]):
         half_kick(i, half, gravity, velocity, spin, radius, inverse_mass, force, torque, velocity, spin)
     return done, False

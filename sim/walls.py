@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import prange
 
-from sim.contact import ContactLaw, normal_contact, tangential_force
-from sim.kernel import Array, Flags, Indices, inlined, kernel, parallel_kernel
+from sim.contact import ContactLaw, contact_force, part
+from sim.kernel import Array, Flags, Indices, Vector, add_to_row, inlined, kernel, parallel_kernel
 from sim.motion import FIXED, ROTATING, Bodies
 from sim.shapes import signed_distance
 
@@ -159,6 +159,31 @@ def wall_speed(walls: Bodies, position: Array) -> float:
     return fastest
 
 
+@inlined
+def wall_motion(walls: Bodies, b: int, point: Vector) -> tuple[Vector, Vector]:
+    """Return a point's place about the centre that body b turns about (m), and the body's velocity there (m/s)."""
+    ax = point[0] - walls.centre[b, 0] - walls.shift[b, 0]
+    ay = point[1] - walls.centre[b, 1] - walls.shift[b, 1]
+    az = point[2] - walls.centre[b, 2] - walls.shift[b, 2]
+    tx, ty, tz = walls.turn[b, 0], walls.turn[b, 1], walls.turn[b, 2]
+    wx = walls.velocity[b, 0] + ty * az - tz * ay
+    wy = walls.velocity[b, 1] + tz * ax - tx * az
+    wz = walls.velocity[b, 2] + tx * ay - ty * ax
+    return (ax, ay, az), (wx, wy, wz)
+
+
+@inlined
+def tally_body(body_tally: Array, c: int, b: int, dt: float, push: Vector, arm: Vector, wall: Vector) -> None:
+    """Count what body b gave to a particle in this step: impulse, angular impulse and work."""
+    body_tally[c, b, 0] += push[0] * dt
+    body_tally[c, b, 1] += push[1] * dt
+    body_tally[c, b, 2] += push[2] * dt
+    body_tally[c, b, 3] += (arm[1] * push[2] - arm[2] * push[1]) * dt
+    body_tally[c, b, 4] += (arm[2] * push[0] - arm[0] * push[2]) * dt
+    body_tally[c, b, 5] += (arm[0] * push[1] - arm[1] * push[0]) * dt
+    body_tally[c, b, 6] += (push[0] * wall[0] + push[1] * wall[1] + push[2] * wall[2]) * dt
+
+
 @kernel
 def add_wall_forces(
     c: int,
@@ -185,66 +210,30 @@ def add_wall_forces(
     """
     lost, deepest = 0.0, tally[c, 1]
     for i in range(chunks[c], chunks[c + 1]):
-        x, y, z = position[i, 0], position[i, 1], position[i, 2]
         for entry in range(near.first[i], near.last[i]):
             s = near.surface[entry]
-            distance, nx, ny, nz = wall_distance(walls, s, x, y, z)
+            distance, nx, ny, nz = wall_distance(walls, s, position[i, 0], position[i, 1], position[i, 2])
             overlap = radius[i] - distance
             if overlap <= 0.0:
-                if near.touching[entry]:
-                    near.touching[entry] = 0
-                    if spring is not None:
-                        for axis in range(3):
-                            lost += 0.5 * law.tangential_stiffness * spring[entry, axis] ** 2
-                            spring[entry, axis] = 0.0
+                lost += part(entry, near.touching, spring, law)
                 continue
-            deepest = max(deepest, overlap / radius[i])
-            reduced = 1.0 / inverse_mass[i]
+            if overlap > deepest * radius[i]:
+                deepest = overlap / radius[i]
             b = walls.body[s]
-            ax = x - distance * nx - walls.centre[b, 0] - walls.shift[b, 0]
-            ay = y - distance * ny - walls.centre[b, 1] - walls.shift[b, 1]
-            az = z - distance * nz - walls.centre[b, 2] - walls.shift[b, 2]
-            tx, ty, tz = walls.turn[b, 0], walls.turn[b, 1], walls.turn[b, 2]
-            wx = walls.velocity[b, 0] + ty * az - tz * ay
-            wy = walls.velocity[b, 1] + tz * ax - tx * az
-            wz = walls.velocity[b, 2] + tx * ay - ty * ax
-            vx, vy, vz = velocity[i, 0] - wx, velocity[i, 1] - wy, velocity[i, 2] - wz
-            speed = vx * nx + vy * ny + vz * nz
-            load, taken, share, elapsed, phase = normal_contact(overlap, speed, near.touching[entry], reduced, law, dt)
-            near.touching[entry] = phase
+            normal = (nx, ny, nz)
+            foot = (position[i, 0] - distance * nx, position[i, 1] - distance * ny, position[i, 2] - distance * nz)
+            arm, wall = wall_motion(walls, b, foot)
+            approach = (velocity[i, 0] - wall[0], velocity[i, 1] - wall[1], velocity[i, 2] - wall[2])
+            turning = (0.0, 0.0, 0.0)
+            if spin is not None:
+                turning = (distance * spin[i, 0], distance * spin[i, 1], distance * spin[i, 2])
+            push, moment, taken = contact_force(
+                entry, overlap, normal, approach, turning, near.touching, spring, 1.0 / inverse_mass[i], law, dt
+            )
             lost += taken
-            fx, fy, fz = load * nx, load * ny, load * nz
-            if spin is not None and spring is not None and torque is not None:
-                sx, sy, sz = distance * spin[i, 0], distance * spin[i, 1], distance * spin[i, 2]
-                ux = vx - speed * nx - (sy * nz - sz * ny)
-                uy = vy - speed * ny - (sz * nx - sx * nz)
-                uz = vz - speed * nz - (sx * ny - sy * nx)
-                (gx, gy, gz), (px, py, pz), taken = tangential_force(
-                    (nx, ny, nz),
-                    (ux, uy, uz),
-                    (spring[entry, 0], spring[entry, 1], spring[entry, 2]),
-                    load,
-                    share,
-                    reduced,
-                    law,
-                    dt,
-                    elapsed,
-                )
-                spring[entry, 0], spring[entry, 1], spring[entry, 2] = px, py, pz
-                lost += taken
-                fx, fy, fz = fx + gx, fy + gy, fz + gz
-                torque[i, 0] -= distance * (ny * gz - nz * gy)
-                torque[i, 1] -= distance * (nz * gx - nx * gz)
-                torque[i, 2] -= distance * (nx * gy - ny * gx)
-            force[i, 0] += fx
-            force[i, 1] += fy
-            force[i, 2] += fz
-            body_tally[c, b, 0] += fx * dt
-            body_tally[c, b, 1] += fy * dt
-            body_tally[c, b, 2] += fz * dt
-            body_tally[c, b, 3] += (ay * fz - az * fy) * dt
-            body_tally[c, b, 4] += (az * fx - ax * fz) * dt
-            body_tally[c, b, 5] += (ax * fy - ay * fx) * dt
-            body_tally[c, b, 6] += (fx * wx + fy * wy + fz * wz) * dt
+            add_to_row(force, i, 1.0, push)
+            if torque is not None:
+                add_to_row(torque, i, -distance, moment)
+            tally_body(body_tally, c, b, dt, push, arm, wall)
     tally[c, 0] += lost
     tally[c, 1] = deepest

@@ -32,6 +32,16 @@ def card_of(basis: Basis, made_from: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+def check_place(path: Path) -> None:
+    """Refuse an output that is a folder, or that another file than a basis stands at: it might be the run itself."""
+    if path.is_dir():
+        raise Refusal(f"output {path} is a folder; name a file, for example {path / 'basis.h5'}")
+    if path.exists() and read_card(path) is None:
+        raise Refusal(f"output {path} exists and is not a basis; choose another name or remove it")
+    if not path.parent.is_dir():
+        raise Refusal(f"output {path}: there is no folder {path.parent}; make it first")
+
+
 def write_basis(path: Path, basis: Basis, card: Mapping[str, Any]) -> None:
     """Write a basis beside and rename it.
 

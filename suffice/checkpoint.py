@@ -16,10 +16,21 @@ def checkpoint_path(run: Path) -> Path:
     return run.with_name(run.name + ".checkpoint")
 
 
+def remove_checkpoint(run: Path) -> None:
+    """Remove the state of a run that is finished or made anew, and what a killed program left of one."""
+    path = checkpoint_path(run)
+    for file in (path, _part(path)):
+        file.unlink(missing_ok=True)
+
+
+def _part(path: Path) -> Path:
+    return path.with_name(path.name + ".part")
+
+
 def write_checkpoint(run: Path, state: dict[str, NDArray[Any]]) -> None:
     """Write the state beside and rename it, so that a complete one always stands."""
     path = checkpoint_path(run)
-    part = path.with_name(path.name + ".part")
+    part = _part(path)
     with h5py.File(part, "w", locking=False) as file:
         for name, values in state.items():
             file[name] = values

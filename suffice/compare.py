@@ -86,7 +86,7 @@ def compare(
     Raises `Refusal` for unknown names, a Δτ that is no multiple of the dense interval or leaves nothing to predict, too
     few snapshots, limits that cannot be applied, or when nothing at all can be compared.
     """
-    names = _known(surrogates)
+    names = known_surrogates(surrogates)
     asked = _default_variables(run) if variables is None else list(dict.fromkeys(variables))
     diameter, limits = mean_diameter(run), Limits(max_error, error_unit, max_seconds)
     if not 0 < energy <= 1:
@@ -100,9 +100,8 @@ def compare(
             if progress:
                 progress(i * len(subsets) + j, len(asked) * len(subsets))
             unseen = np.setdiff1d(subset.testing, subset.training)
-            case = Case(values, rates, run.times, subset.training, unseen)
             place = Place(name, subset.interval, run.variable(name).unit, diameter)
-            _compare_case(found, case, place, names, energy)
+            _compare_case(found, Case(values, rates, run.times, subset.training, unseen), place, names, energy)
     if progress:
         progress(len(asked) * len(subsets), len(asked) * len(subsets))
     if not found.rows:
@@ -128,8 +127,11 @@ def mean_diameter(run: Run) -> float | None:
     return diameter if np.isfinite(diameter) and diameter > 0 else None
 
 
-def _known(asked: Sequence[str] | None) -> list[str]:
-    """Names of the surrogates to compare, of kind `time`: a state map has a start, and another task."""
+def known_surrogates(asked: Sequence[str] | None) -> list[str]:
+    """Return the surrogates to compare, default all of kind `time`: a state map has a start, and another task.
+
+    Raises `Refusal` for a name that is not among them, or for none.
+    """
     known = [name for name, member in SURROGATES.items() if member.kind == "time"]
     if asked is None:
         return known

@@ -10,7 +10,7 @@ from pod import SnapshotMatrix, lanczos_pod
 from selection import InputError as UnfitIntervals
 from selection import dense_interval
 from selection.intervals import stride
-from suffice.basis_file import card_of, write_basis
+from suffice.basis_file import card_of, check_place, write_basis
 from suffice.refusal import Refusal
 from suffice.run import Run
 
@@ -29,6 +29,7 @@ def decompose_run(
     interval: Δτ in s of the snapshots used, default the dense one; energy, modes, tolerance: at most one of them, as
     for `pod.lanczos_pod`. Raises Refusal or pod.InputError for what cannot be used.
     """
+    check_place(output)
     with Run(source) as run:
         rows = run.variable(variable)
         began = time.monotonic()

@@ -6,11 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import click
+import typer
 
 from suffice.refusal import Refusal
 
 DONE, FAILED, REFUSED, INTERRUPTED = 0, 1, 2, 130
+UsageError: Any = typer.BadParameter.__mro__[1]  # typer has a click of its own, of which only this is public
 
 
 class InterruptedRunError(Exception):
@@ -33,13 +34,13 @@ def run_command(command: Callable[[], Any]) -> int:
     """Run a command and return its exit code; what went wrong is said on standard error in one message."""
     try:
         code = command()
+        if code == INTERRUPTED:  # typer answers Ctrl-C by this number, in silence
+            raise KeyboardInterrupt
         return code if isinstance(code, int) else DONE
-    except click.exceptions.Exit as left:
-        return left.exit_code
-    except click.ClickException as error:
+    except UsageError as error:
         error.show(sys.stderr)
         return REFUSED
-    except (KeyboardInterrupt, click.Abort):
+    except (KeyboardInterrupt, typer.Abort):
         return _say("interrupted; finished stages are kept, run the same command again", INTERRUPTED)
     except InterruptedRunError as stopped:
         return _say(str(stopped), INTERRUPTED)
@@ -56,6 +57,15 @@ def _say(message: str, code: int) -> int:
     return code
 
 
+def _may_be_replaced(path: Path) -> bool:
+    """Tell whether nothing stands there, or JSON: a run named by mistake must survive."""
+    try:
+        with path.open("rb") as file:
+            return file.read(1) in (b"{", b"[", b"")
+    except OSError:
+        return True
+
+
 def write_json(value: Any, target: str) -> None:
     """Write a value as JSON to a file, beside and renamed, or to standard output for '-'."""
     text = json.dumps(value, indent=1, allow_nan=False)
@@ -63,6 +73,10 @@ def write_json(value: Any, target: str) -> None:
         print(text)
         return
     path = Path(target)
+    if path.is_dir():
+        raise Refusal(f"--json {target} is a folder; name a file, or - for standard output")
+    if not _may_be_replaced(path):
+        raise Refusal(f"--json {target} exists and is no JSON; choose another name or remove it")
     part = path.with_name(path.name + ".part")
     try:
         part.write_text(text + "\n", encoding="utf-8")

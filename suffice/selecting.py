@@ -1,7 +1,7 @@
 """Which snapshot interval suffices, for every variable of a run."""
 
 from collections.abc import Mapping, Sequence
-from math import inf
+from math import floor, inf, isfinite
 from typing import Any
 
 from pod import SnapshotMatrix
@@ -25,12 +25,15 @@ def thresholds_of(variable: str, changed: Mapping[str, float] | None = None) -> 
     Raises Refusal for one outside its range.
     """
     energy = {"energy": FLUID_ENERGY} if variable.startswith("fluid.") else {}
+    if unknown := set(changed or {}) - set(Thresholds._fields):
+        raise Refusal(f"threshold {min(unknown)!r} is not known; there are {', '.join(Thresholds._fields)}")
     limits = Thresholds(**{**energy, **(changed or {})})
     for name, low, high in (("energy", 0.0, 1.0), ("consistency", 1.0, inf), ("feasibility", 0.0, inf)):
         value = getattr(limits, name)
-        if not low < value <= high:
+        if not (isfinite(value) and low < value <= high):
             raise Refusal(
-                f"--{name} is {value:g}; it must be above {low:g}" + ("" if high == inf else " and at most 1")
+                f"--{name} is {value:g}; it must be above {low:g}"
+                + (" and finite" if high == inf else " and at most 1")
             )
     return limits
 
@@ -44,7 +47,7 @@ def parse_intervals(text: str) -> list[float]:
         if ":" not in text:
             return [float(part) for part in text.split(",")]
         first, last, step = (float(part) for part in text.split(":"))
-        count = round(abs(first - last) / step) + 1
+        count = floor(abs(first - last) / step + 1e-9) + 1
         if not (step > 0.0 and first > 0.0 and last > 0.0 and count < 10_000):
             raise ValueError
         sign = -1.0 if first > last else 1.0

@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -16,27 +17,28 @@ import numba
 from sim import LimitError, Scene, Simulation, parse_scene
 from sim.checkpoint import restore_, state_of
 from sim.kernel import most_threads
-from suffice.checkpoint import checkpoint_path, read_checkpoint, write_checkpoint
+from suffice.checkpoint import read_checkpoint, remove_checkpoint, write_checkpoint
 from suffice.door import InterruptedRunError
+from suffice.lock import only_writer
 from suffice.progress import Reporter
 from suffice.refusal import Refusal
-from suffice.store import Run, RunWriter
+from suffice.store import Run, RunWriter, check_place
 
 SECONDS_BETWEEN_CHECKPOINTS = 20.0
 
 
 def changed_scene(text: str, source: str, until: float | None = None, seed: int | None = None) -> Scene:
     """Return the scene of a text, with the end (s) and the seed of its packing replaced where given."""
+    if not (until is None or 0.0 < until < inf):
+        raise Refusal(f"--until is {until:g} s; it must be a positive time")
+    if not (seed is None or seed >= 0):
+        raise Refusal(f"--seed is {seed}; it must not be negative")
     scene = parse_scene(text, source)
     tables = scene.model_dump()
     if until is not None:
         tables["time"]["duration"] = until
     if seed is not None:
         tables["seed"] = seed
-    if not (until is None or until > 0.0):
-        raise Refusal(f"--until is {until:g} s; it must be a positive time")
-    if not (seed is None or seed >= 0):
-        raise Refusal(f"--seed is {seed}; it must not be negative")
     return Scene.model_validate(tables)
 
 
@@ -55,7 +57,7 @@ def provenance_of(text: str, scene: Scene) -> dict[str, str]:
     """Return what made a run: the scene as written and as run, versions and machine."""
     return {
         "scene": text,
-        "settings": json.dumps({"until": scene.time.duration, "seed": scene.seed}),
+        "settings": _settings(scene),
         "suffice": version("suffice"),
         "numba": numba.__version__,
         "python": platform.python_version(),
@@ -83,12 +85,20 @@ def simulate_to(
     InterruptedRunError when the user stops it; what was written stays readable.
     """
     scene = changed_scene(text, source, until, seed)
+    check_place(path)
     _use_threads(threads)
+    with only_writer(path):
+        return _simulate(text, scene, path, reporter, resume)
+
+
+def _simulate(text: str, scene: Scene, path: Path, reporter: Reporter, resume: bool) -> dict[str, Any]:
+    """Run a scene into a file that nobody else writes."""
     state = read_checkpoint(path) if resume else None
-    if resume:
-        _check_same_scene(path, text, scene)
+    stands = _snapshots_that_stand(path, text, scene) if resume else 0
     began = time.monotonic()
     simulation = Simulation(scene)
+    if state is None and stands == simulation.snapshots:
+        return _cost(path, simulation, 0, time.monotonic() - began)
     if state is None:
         writer = _new_writer(path, text, simulation)
     else:
@@ -100,14 +110,18 @@ def simulate_to(
     first = simulation.step
     with writer:
         _run(simulation, writer, path, reporter)
-    checkpoint_path(path).unlink(missing_ok=True)
-    seconds = time.monotonic() - began
-    particle_steps = len(simulation.particles.radius) * (simulation.step - first)
+    remove_checkpoint(path)
+    return _cost(path, simulation, simulation.step - first, time.monotonic() - began)
+
+
+def _cost(path: Path, simulation: Simulation, steps: int, seconds: float) -> dict[str, Any]:
+    """Say what a run holds, and the speed of the steps done now, in plain types."""
+    particle_steps = len(simulation.particles.radius) * steps
     return {
         "run": str(path),
         "n_particles": len(simulation.particles.radius),
         "n_snapshots": simulation.snapshots,
-        "steps": simulation.step,
+        "steps": (simulation.snapshots - 1) * simulation.steps_per_snapshot,
         "time_step": simulation.dt,
         "seconds": seconds,
         "particle_steps_per_second": particle_steps / seconds if seconds else 0.0,
@@ -123,20 +137,28 @@ def _use_threads(threads: int | None) -> None:
         numba.set_num_threads(threads)
 
 
-def _check_same_scene(path: Path, text: str, scene: Scene) -> None:
+def _settings(scene: Scene) -> str:
+    return json.dumps({"until": scene.time.duration, "seed": scene.seed})
+
+
+def made_otherwise(past: Run, text: str, scene: Scene) -> str:
+    """Name what a run was made with that differs from this scene, `scene` or `settings`; empty if nothing does."""
+    now = {"scene": text, "settings": _settings(scene)}
+    return next((what for what, value in now.items() if past.provenance.get(what) != value), "")
+
+
+def _snapshots_that_stand(path: Path, text: str, scene: Scene) -> int:
     with Run(path) as past:
-        made = past.provenance
-    now = provenance_of(text, scene)
-    for what in ("scene", "settings"):
-        if made.get(what) != now[what]:
-            raise Refusal(f"--resume: {path} was made with another {what}; give the same one, or leave out --resume")
+        if other := made_otherwise(past, text, scene):
+            raise Refusal(f"--resume: {path} was made with another {other}; give the same, or leave out --resume")
+        return past.n_snapshots
 
 
 def _new_writer(path: Path, text: str, simulation: Simulation) -> RunWriter:
     first = simulation.snapshot()
     order = simulation.particles.id.argsort()
     variables = ("position", "velocity", *(("angular_velocity",) if first.angular_velocity is not None else ()))
-    checkpoint_path(path).unlink(missing_ok=True)
+    remove_checkpoint(path)
     writer = RunWriter(
         path,
         ids=simulation.particles.id[order],
@@ -197,5 +219,5 @@ def _run(simulation: Simulation, writer: RunWriter, path: Path, reporter: Report
             if asked and writer.n_complete < simulation.snapshots:
                 raise InterruptedRunError(
                     f"stopped at t = {simulation.time:g} s; {path} keeps {writer.n_complete} of "
-                    f"{simulation.snapshots} snapshots, the same command with --resume goes on"
+                    f"{simulation.snapshots} snapshots, the same command goes on from there (simulate: with --resume)"
                 )

@@ -22,7 +22,7 @@ from suffice.refusal import Refusal
 from suffice.run import Run
 from suffice.views import remove_views, write_views
 
-__all__ = ["Run", "RunWriter"]
+__all__ = ["Run", "RunWriter", "check_place"]
 
 SECONDS_BETWEEN_VIEWS = 1.0
 DTYPES: dict[str, np.dtype[Any]] = {"single": np.dtype(np.float32), "double": np.dtype(np.float64)}
@@ -65,9 +65,9 @@ class RunWriter:
         }
         self._n, self._grid, self._beside = len(self._once[layout.ID]), grid, beside
         self._next_view = -np.inf
-        self._part = self.path.with_name(f"{self.path.name}.part")
         shapes = {name: layout.shape_of(QUANTITIES[name], n_snapshots, self._n, grid) for name in self.variables}
-        _check_place(self.path, layout.bytes_of(list(shapes.values()), DTYPES[precision].itemsize))
+        check_place(self.path, layout.bytes_of(list(shapes.values()), DTYPES[precision].itemsize))
+        self._part = self.path.with_name(f"{self.path.name}.part")
         self._times = np.zeros(n_snapshots)
         self._file = _create(self._part)
         try:
@@ -216,13 +216,22 @@ def _create(part: Path) -> h5py.File:
         ) from None
 
 
-def _check_place(path: Path, needed: int) -> None:
-    """Refuse an output that is a folder, that somebody else's file stands at, or that does not fit on the disk."""
+def _holds_run(path: Path) -> bool:
+    """Tell a run, which may be replaced, from any other file."""
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            return layout.PLAN in file
+    except OSError:
+        return False
+
+
+def check_place(path: Path, needed: int = 0) -> None:
+    """Refuse an output that is a folder, that somebody else's file stands at, or whose bytes do not fit on the disk."""
     if not path.parent.is_dir():
         raise Refusal(f"output {path}: there is no folder {path.parent}; make it first")
     if path.is_dir():
         raise Refusal(f"output {path} is a folder; name a file, for example {path / 'run.h5'}")
-    if path.exists() and not h5py.is_hdf5(path):
+    if path.exists() and not _holds_run(path):
         raise Refusal(f"output {path} exists and is not a run; choose another name or remove it")
     free = shutil.disk_usage(path.parent).free
     if needed > free:

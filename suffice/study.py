@@ -16,24 +16,25 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from sim import built_in_scenes, scene_text
+from sim import Scene, built_in_scenes, scene_text
 from suffice.checkpoint import checkpoint_path
-from suffice.compare import compare
+from suffice.compare import compare, known_surrogates
 from suffice.door import write_json
+from suffice.lock import only_writer
 from suffice.progress import Reporter
 from suffice.readers import import_run
 from suffice.refusal import Refusal
 from suffice.report import write_report
 from suffice.results import COMPARISON, LOG, RUN, SELECTION, gather, read_json
 from suffice.run import Run
-from suffice.selecting import select_curves, select_json, select_run
-from suffice.simulating import changed_scene, simulate_to
+from suffice.selecting import select_curves, select_json, select_run, thresholds_of
+from suffice.simulating import changed_scene, made_otherwise, simulate_to
 
 
 class Settings(BaseModel):
     """A table of a study: unknown keys are refused."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Source(Settings):
@@ -68,7 +69,7 @@ class Study(Settings):
 
     scene: str | None = Field(default=None, description="built-in name, or path relative to the study's folder")
     source: Source | None = None
-    seed: int = Field(default=0, ge=0)
+    seed: int | None = Field(default=None, ge=0, description="of packing and training; absent: the scene's")
     select: Selecting = Selecting()
     compare: Comparing = Comparing()
 
@@ -132,9 +133,10 @@ def run_study(name_or_path: str, folder: Path | None, reporter: Reporter, say: C
     except OSError as error:
         raise Refusal(f"--output {folder} cannot be made ({error}); name a folder you may write to") from None
     chain = version("suffice")
-    for stage in stages:
-        chain = _digest([chain, stage.name, stage.inputs])
-        _run_stage(stage, chain, folder, say)
+    with only_writer(folder):
+        for stage in stages:
+            chain = _digest([chain, stage.name, stage.inputs])
+            _run_stage(stage, chain, folder, say)
     return folder / "report.html"
 
 
@@ -142,7 +144,7 @@ def _run_stage(stage: Stage, digest: str, folder: Path, say: Callable[[str], Non
     """Run a stage unless its outputs stand and were made from the same inputs."""
     log = read_json(folder / LOG) or {}
     done = log.pop(stage.name, {})
-    if done.get("digest") == digest and all(path.exists() for path in stage.outputs):
+    if done.get("digest") == digest and done.get("outputs") == _stamps(stage.outputs):
         say(f"{stage.name}: nothing changed, kept from {done['made']} ({done['detail']})")
         return
     began = time.monotonic()
@@ -150,23 +152,33 @@ def _run_stage(stage: Stage, digest: str, folder: Path, say: Callable[[str], Non
     detail = stage.make()
     seconds = round(time.monotonic() - began, 3)
     made = time.strftime("%Y-%m-%d %H:%M:%S")
-    log[stage.name] = {"digest": digest, "seconds": seconds, "detail": detail, "made": made}
+    stamps = _stamps(stage.outputs)
+    log[stage.name] = {"digest": digest, "outputs": stamps, "seconds": seconds, "detail": detail, "made": made}
     write_json(log, str(folder / LOG))
     say(f"{stage.name}: {detail}, {seconds:.1f} s")
+
+
+def _stamps(outputs: tuple[Path, ...]) -> list[list[int] | None]:
+    """Return size and time of change of every output: one that another hand changed must be made again."""
+    stats = [path.stat() if path.exists() else None for path in outputs]
+    return [None if stat is None else [stat.st_size, stat.st_mtime_ns] for stat in stats]
 
 
 def stages_of(name: str, study: Study, home: Path, folder: Path, reporter: Reporter) -> list[Stage]:
     """Return the stages of a study in the data's order.
 
-    Raises Refusal or InputError for a scene or files that cannot be used, before anything is written.
+    Raises Refusal or InputError for a scene, files or settings that cannot be used, before anything is written.
     """
+    thresholds_of("", study.select.thresholds)
+    known_surrogates(study.compare.surrogates)
     first = _simulation(study, home, folder, reporter) if study.scene else _reading(study, home, folder, reporter)
     select, against = folder / SELECTION, folder / COMPARISON
     page, results = folder / "report.html", folder / "results.json"
+    comparing = [study.compare.model_dump(), study.seed]
     return [
         first,
         Stage("select", study.select.model_dump(), (select,), lambda: _select(study.select, folder, reporter)),
-        Stage("compare", study.compare.model_dump(), (against,), lambda: _compare(study, folder, reporter)),
+        Stage("compare", comparing, (against,), lambda: _compare(study, folder, reporter)),
         Stage("report", name, (page, results), lambda: make_report(folder, name)),
     ]
 
@@ -174,23 +186,23 @@ def stages_of(name: str, study: Study, home: Path, folder: Path, reporter: Repor
 def _simulation(study: Study, home: Path, folder: Path, reporter: Reporter) -> Stage:
     scene = study.scene or ""
     text = built_in_scenes().get(scene) or scene_text(str(home / scene))
-    inputs = changed_scene(text, scene, seed=study.seed or None).model_dump()
+    setting = changed_scene(text, scene, seed=study.seed)
     run = folder / RUN
 
     def make() -> str:
-        unfinished = checkpoint_path(run).exists() and _same_scene(run, text)
-        cost = simulate_to(text, scene, run, reporter, seed=study.seed or None, resume=unfinished)
+        unfinished = checkpoint_path(run).exists() and _made_of(run, text, setting)
+        cost = simulate_to(text, scene, run, reporter, seed=study.seed, resume=unfinished)
         speed = cost["particle_steps_per_second"] / 1e6
         return f"{cost['n_particles']} particles, {cost['steps']} steps, {speed:.1f} million particle-steps/s"
 
-    return Stage("simulate", inputs, (run,), make)
+    return Stage("simulate", setting.model_dump(), (run,), make)
 
 
-def _same_scene(run: Path, text: str) -> bool:
+def _made_of(run: Path, text: str, scene: Scene) -> bool:
     """Tell whether an unfinished run is of this scene, so that it can go on."""
     try:
         with Run(run) as past:
-            return past.provenance.get("scene") == text
+            return not made_otherwise(past, text, scene)
     except Refusal:
         return False
 
@@ -238,7 +250,7 @@ def _compare(study: Study, folder: Path, reporter: Reporter) -> str:
             max_error=settings.max_error,
             error_unit="d",
             max_seconds=settings.max_seconds,
-            seed=study.seed,
+            seed=study.seed or 0,
             progress=advance,
         )
     write_json(answer, str(folder / COMPARISON))

@@ -1,14 +1,58 @@
-"""Scenes in a line."""
+"""Scenes in a line, and the command line in a call."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from math import inf
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
+import numba
+import numpy as np
 import pytest
 
 from sim import Scene
 
 FLOOR = {"name": "floor", "shapes": [{"shape": "plane", "normal": [0, 0, 1]}]}
+
+SHAKEN_BEADS = """# Twelve beads in a shaken box, thrown about.
+seed = 1
+
+[[particles]]
+diameter = 2e-3        # m
+density = 2500.0       # kg/m³
+count = 12
+velocity = [0.3, 0.2, 0.1]
+
+[contact]
+stiffness = 1e3        # N/m
+restitution = 0.8
+friction = 0.3
+
+[gravity]
+acceleration = [0.0, 0.0, -9.81]   # m/s²
+
+[time]
+duration = 0.02        # s
+
+[output]
+interval = 0.001       # s
+
+[[walls]]
+name = "box"
+motion = { kind = "oscillation", amplitude = [0.0, 0.0, 0.001], frequency = 40.0 }
+[[walls.shapes]]
+shape = "box"
+lowest = [0.0, 0.0, 0.0]
+highest = [0.008, 0.008, 0.012]
+particles = "inside"
+"""
+
+
+class Answer(NamedTuple):
+    """What a command gave back."""
+
+    code: int
+    out: str
+    err: str
 
 
 @pytest.fixture
@@ -21,3 +65,45 @@ def scene_of() -> Callable[..., Scene]:
         return Scene.model_validate(scene)
 
     return build
+
+
+@pytest.fixture(scope="session")
+def beads() -> str:
+    """Return a small scene as TOML: 12 beads, 21 snapshots."""
+    return SHAKEN_BEADS
+
+
+@pytest.fixture
+def suffice(capsys: pytest.CaptureFixture[str]) -> Iterator[Callable[..., Answer]]:
+    """Run a command line in this process and return exit code, standard output and standard error."""
+    from suffice.__main__ import app
+    from suffice.door import run_command
+
+    def call(*arguments: object) -> Answer:
+        capsys.readouterr()
+        code = run_command(lambda: app([str(a) for a in arguments], standalone_mode=False))
+        said = capsys.readouterr()
+        return Answer(code, said.out, said.err)
+
+    threads = numba.get_num_threads()
+    yield call
+    numba.set_num_threads(threads)  # --threads holds for the whole process
+
+
+@pytest.fixture
+def write_run() -> Callable[..., Path]:
+    """Write a run of particles on smooth paths: positions and velocities, evenly in time."""
+    from suffice.store import RunWriter
+
+    def write(path: Path, n_snapshots: int = 41, n: int = 24, interval: float = 0.001, radius: float = 5e-4) -> Path:
+        phase, pace = np.random.default_rng(0).uniform(0.0, 60.0, (2, n, 3))
+        particles = {"ids": np.arange(n), "radius": np.full(n, radius), "species": np.ones(n, int)}
+        motion = ("position", "velocity")
+        provenance = {"suffice": "test"}
+        with RunWriter(path, **particles, n_snapshots=n_snapshots, variables=motion, provenance=provenance) as run:
+            for k in range(n_snapshots):
+                angle = pace * k * interval + phase
+                run.append(k * interval, {"position": np.sin(angle), "velocity": pace * np.cos(angle)})
+        return path
+
+    return write

@@ -8,12 +8,13 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from suffice.lock import only_writer
 from suffice.readers.clock import Clock, physical_times
 from suffice.readers.dump import Dump
 from suffice.readers.text import open_text
 from suffice.readers.trajectory import Frame, Trajectory, followed
 from suffice.refusal import Refusal
-from suffice.store import RunWriter
+from suffice.store import RunWriter, check_place
 
 READERS: Mapping[str, Callable[[Sequence[Path]], Trajectory]] = {"lammps": Dump, "liggghts": Dump}
 
@@ -62,7 +63,9 @@ def import_run(
         "notes": "\n".join(notes),
         "suffice": version("suffice"),
     }
-    n = _write(trajectory, clock, Path(output), diameter, precision, provenance, progress or _silent)
+    check_place(Path(output))
+    with only_writer(Path(output)):
+        n = _write(trajectory, clock, Path(output), diameter, precision, provenance, progress or _silent)
     variables, ignored = tuple(trajectory.variables), tuple(trajectory.ignored)
     return Imported(Path(output), len(clock.times), n, clock.times, variables, ignored, notes)
 

@@ -1,0 +1,97 @@
+"""What README and docs say is so: commands, options, keys of a scene, and Python that runs."""
+
+import re
+from pathlib import Path
+from types import UnionType
+from typing import Annotated, Union, get_args, get_origin
+
+import pytest
+import typer
+from pydantic import BaseModel
+
+from sim.scene import Scene
+from suffice.__main__ import app
+
+TOP = Path(__file__).parents[1]
+PAGES = [TOP / "README.md", *sorted((TOP / "docs").glob("*.md"))]
+COMMANDS = typer.main.get_command(app).commands
+
+
+def blocks(page, language):
+    return re.findall(rf"^```{language}\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+
+
+def shown_commands(page):
+    """Lines of code blocks, and code within the text, that call suffice."""
+    text = page.read_text(encoding="utf-8")
+    lines = [line for block in blocks(page, "") for line in re.split(r"\n|&&", block)]
+    lines += re.findall(r"`(suffice [^`]+)`", re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL))
+    return [line.partition("#")[0].split() for line in map(str.strip, lines) if line.startswith("suffice ")]
+
+
+def test_readme_lists_the_commands_that_there_are():
+    listed = re.findall(r"^\| `suffice (\w+)", (TOP / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert listed == list(COMMANDS)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_option_shown_exists(page):
+    for _, name, *words in shown_commands(page):
+        if name.startswith("-"):
+            continue
+        known = {option for parameter in COMMANDS[name].params for option in parameter.opts}
+        options = {word.strip("[]") for word in words if re.match(r"\[?-{1,2}[a-z]", word)}
+        assert options <= known, f"suffice {name}"
+
+
+def test_readme_sets_up_with_these_two_commands():
+    commands = [block.strip() for block in blocks(TOP / "README.md", "")]
+    assert "pip install -c constraints.txt -e . && suffice study" in commands
+    assert "pip install -c constraints.txt -e '.[test]' && pytest" in commands
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_file_that_a_page_points_to_is_there(page):
+    text = page.read_text(encoding="utf-8")
+    targets = re.findall(r"\]\(([^)#:]+)\)", text) + [f"../{t}" for t in re.findall(r"`((?:tests|sim)/\w+\.py)`", text)]
+    here = page.parent if page.parent != TOP else TOP / "docs"
+    for target in targets:
+        assert (here / target).exists() or (page.parent / target).exists(), target
+
+
+def keys_of(annotation):
+    """Names of all keys of a table and of the tables within it."""
+    if get_origin(annotation) in (Annotated, Union, UnionType, list, tuple):
+        return {key for part in get_args(annotation) for key in keys_of(part)}
+    if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
+        return set()
+    return set(annotation.model_fields).union(*(keys_of(f.annotation) for f in annotation.model_fields.values()))
+
+
+def test_page_on_scenes_names_every_key_that_a_scene_knows():
+    text = (TOP / "docs" / "scenes.md").read_text(encoding="utf-8")
+    keys = keys_of(Scene)
+    assert {"diameter", "rpm", "max_overlap"} <= keys
+    missing = {key for key in keys if not re.search(rf"[`\[.]{key}[`\].]", text)}
+    assert not missing
+
+
+@pytest.mark.physics
+def test_python_of_the_readme_runs_and_predicts_what_it_says(capsys):
+    (code,) = blocks(TOP / "README.md", "python")
+    names = {}
+    exec(compile(code, "README.md", "exec"), names)
+    assert capsys.readouterr().out.count("K_f = ") == 9
+    assert names["heights"].shape == (576, 2)
+    truth = names["W"][:, [30, 31]].mean(axis=1)  # half way between two snapshots 1 ms apart
+    assert abs(names["heights"][:, 0] - truth).max() < 3e-3  # a diameter
+
+
+@pytest.mark.physics
+def test_python_of_the_page_on_your_own_run_reads_a_run(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    app(["simulate", "shaken_box", "--until", "0.02", "-o", "run.h5"], standalone_mode=False)
+    (code,) = blocks(TOP / "docs" / "your_own_run.md", "python")
+    capsys.readouterr()
+    exec(compile(code, "your_own_run.md", "exec"), {})
+    assert capsys.readouterr().out

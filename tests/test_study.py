@@ -1,0 +1,252 @@
+"""A study: every stage once, again only where something it depends on has changed, and on from where it stopped."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim import InputError
+from suffice.progress import Reporter
+from suffice.refusal import Refusal
+from suffice.store import Run
+from suffice.study import built_in_studies, load_study, run_study
+
+STAGES = ("simulate", "select", "compare", "report")
+STUDY = """scene = "scene.toml"
+
+[select]
+intervals = [0.004, 0.002]
+
+[compare]
+variables = ["position.z"]
+intervals = [0.002]
+surrogates = ["spline", "rbf"]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, beads):
+    (tmp_path / "scene.toml").write_text(beads)
+    (tmp_path / "my.toml").write_text(STUDY)
+    return tmp_path
+
+
+def ran(folder, study="my.toml", output="out"):
+    """Run a study and return which of its stages did something."""
+    said = []
+    report = run_study(str(folder / study), folder / output, Reporter(as_json=True), said.append)
+    assert report == folder / output / "report.html"
+    stages = [line.split(":")[0] for line in said]
+    assert stages[1:] == list(STAGES[1:])
+    return [stage for stage, line in zip(stages, said, strict=True) if "nothing changed" not in line]
+
+
+def replace(path, old, new):
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+
+
+def test_every_stage_runs_once_and_leaves_its_file(folder):
+    assert ran(folder) == list(STAGES)
+    out = folder / "out"
+    made = ["compare.json", "report.html", "results.json", "run.h5", "run.particles.vtkhdf", "select.json"]
+    assert sorted(path.name for path in out.iterdir()) == [*made, "stages.json"]
+    results = json.loads((out / "results.json").read_text())
+    assert results["study"] == "my"
+    assert [stage["name"] for stage in results["stages"]] == list(STAGES[:3])
+    assert list(results["select"]["variables"])[:3] == ["position.x", "position.y", "position.z"]
+    assert {row["surrogate"] for row in results["compare"]["rows"]} == {"spline", "rbf"}
+    assert "<html" in (out / "report.html").read_text()
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    assert ran(folder) == []
+    assert before == {path.name: path.read_bytes() for path in out.iterdir()}
+
+
+def test_a_change_reruns_what_depends_on_it_and_nothing_before(folder):
+    ran(folder)
+    # each stage's digest holds that of the one before it
+    replace(folder / "my.toml", '["spline", "rbf"]', '["spline"]')
+    assert ran(folder) == ["compare", "report"]
+    replace(folder / "my.toml", "[0.004, 0.002]", "[0.004, 0.003, 0.002]")
+    assert ran(folder) == ["select", "compare", "report"]
+    replace(folder / "scene.toml", "seed = 1", "seed = 2")
+    assert ran(folder) == list(STAGES)
+    replace(folder / "scene.toml", "# Twelve beads", "# A dozen beads")
+    assert ran(folder) == []  # words, not physics
+    replace(folder / "my.toml", "scene =", "seed = 3\nscene =")
+    assert ran(folder) == list(STAGES)
+    (folder / "out" / "compare.json").unlink()
+    assert ran(folder) == ["compare"]
+
+
+def test_a_stage_that_failed_runs_again(folder):
+    replace(folder / "my.toml", '["position.z"]', '["position.w"]')
+    with pytest.raises(Refusal, match=r"no variable 'position\.w'; it has position\.x"):
+        ran(folder)
+    replace(folder / "my.toml", "position.w", "position.z")
+    assert ran(folder) == ["compare", "report"]
+
+
+def stopped_in_the_middle(folder):
+    """Start a study in another process with a checkpoint after each snapshot, and interrupt it while it simulates."""
+    command = (
+        "import suffice.simulating as s; s.SECONDS_BETWEEN_CHECKPOINTS = 0.0; import suffice.__main__ as m; m.main()"
+    )
+    arguments = [sys.executable, "-c", command, "study", "my.toml", "-o", "out"]
+    process = subprocess.Popen(arguments, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    while not (folder / "out" / "run.h5.checkpoint").exists():
+        assert process.poll() is None
+        time.sleep(0.005)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130, said
+    with Run(folder / "out" / "run.h5") as run:
+        return run.n_snapshots
+
+
+def test_an_interrupted_study_goes_on_where_it_stopped_and_not_where_its_scene_has_changed(folder, monkeypatch):
+    replace(folder / "scene.toml", "interval = 0.001", "interval = 0.0001")
+    assert stopped_in_the_middle(folder) < 201
+    resumed = []
+    import suffice.study as study
+
+    simulate_to = study.simulate_to
+
+    def noting(*arguments, **options):
+        resumed.append(options["resume"])
+        return simulate_to(*arguments, **options)
+
+    monkeypatch.setattr(study, "simulate_to", noting)
+    assert ran(folder) == list(STAGES)
+    assert resumed == [True]
+    replace(folder / "my.toml", "scene =", "seed = 5\nscene =")
+    stopped_in_the_middle(folder)
+    replace(folder / "my.toml", "seed = 5", "seed = 6")
+    assert ran(folder) == list(STAGES)
+    assert resumed == [True, False]
+    with Run(folder / "out" / "run.h5") as run:
+        assert run.n_snapshots == 201
+        assert json.loads(run.provenance["settings"])["seed"] == 6
+
+
+def write_dump(path, shift=0.0):
+    lines = []
+    for k in range(41):
+        lines += ["ITEM: TIMESTEP", str(100 * k), "ITEM: NUMBER OF ATOMS", "20", "ITEM: BOX BOUNDS ff ff ff"]
+        lines += [*["-2 2"] * 3, "ITEM: ATOMS id x y z vx vy vz"]
+        for i in range(1, 21):
+            angle = 0.01 * i * k + shift
+            speed = 0.01 * i / 0.001
+            x, y = np.sin(angle), np.cos(angle)
+            lines.append(f"{i} {x:.6g} {y:.6g} {i} {speed * y:.6g} {-speed * x:.6g} 0")
+    path.write_text("\n".join(lines) + "\n")
+
+
+SOURCE = """[source]
+files = ["other.dump"]
+timestep = 1e-5
+diameter = 0.01
+
+[compare]
+variables = ["position.x"]
+intervals = [0.004]
+"""
+
+
+def test_a_study_of_somebody_elses_run_reads_it_once_and_again_when_it_changes(tmp_path):
+    write_dump(tmp_path / "other.dump")
+    (tmp_path / "their.toml").write_text(SOURCE)
+    stages = ["import", "select", "compare", "report"]
+    assert ran(tmp_path, "their.toml") == stages
+    assert ran(tmp_path, "their.toml") == []
+    results = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert results["run"]["diameter"] == pytest.approx(0.01)
+    assert results["run"]["interval"] == pytest.approx(0.001)
+    assert "series" not in results  # nobody told its energies
+    write_dump(tmp_path / "other.dump", shift=0.3)
+    assert ran(tmp_path, "their.toml") == stages
+
+
+def test_what_the_study_decides_is_what_select_and_compare_decide(folder, suffice):
+    ran(folder)
+    run = folder / "out" / "run.h5"
+    chosen = json.loads(suffice("select", run, "--intervals", "0.004,0.002", "--json", "-").out)
+    assert json.loads((folder / "out" / "select.json").read_text())["select"] == chosen
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("scene = ", "not valid TOML"),
+        ("", "give either a scene or a table"),
+        ('scene = "scene.toml"\n[source]\nfiles = ["a"]\n', "give either a scene or a table"),
+        ("scene = 3", "scene = 3: Input should be a valid string"),
+        ('scene = "scene.toml"\ncolour = "red"\n', "colour = 'red': Extra inputs are not permitted"),
+        ('scene = "scene.toml"\nseed = -1\n', "seed = -1: Input should be greater than or equal to 0"),
+        ('scene = "scene.toml"\n[compare]\nmax_error = -1.0\n', "compare.max_error = -1.0: Input should be greater"),
+        ('scene = "scene.toml"\n[compare]\nmax_error = inf\n', "compare.max_error = inf: Input should be a finite"),
+        ('scene = "scene.toml"\n[select]\nintervals = [nan]\n', "select.intervals.0 = nan: Input should be a finite"),
+        ("[source]\nfiles = []\n", r"source.files = \[\]: List should have at least 1 item"),
+        ('[source]\nfiles = ["no.dump"]\n', "source.files: .*no.dump is not a file; paths are relative"),
+        ('scene = "no_scene.toml"\n', "no such file or not a text .* built-in scenes: mini_mill"),
+        ('scene = "bad.toml"\n', "scene bad.toml: particles: Field required"),
+        (
+            'scene = "scene.toml"\n[select.thresholds]\nenrgy = 0.9\n',
+            "threshold 'enrgy' is not known; there are energy",
+        ),
+        ('scene = "scene.toml"\n[select.thresholds]\nenergy = 2.0\n', "energy is 2; it must be above 0 and at most 1"),
+        ('scene = "scene.toml"\n[compare]\nsurrogates = ["oracle"]\n', "surrogate 'oracle' is not known here; use"),
+    ],
+)
+def test_a_study_that_is_none_is_refused_before_anything_is_written(folder, text, says):
+    (folder / "bad.toml").write_text("x = 1")
+    (folder / "my.toml").write_text(text)
+    with pytest.raises((Refusal, InputError), match=says) as caught:
+        ran(folder)
+    assert "\n" not in str(caught.value)
+    assert not (folder / "out").exists()
+
+
+def test_a_study_that_is_missing_or_a_folder_is_refused_with_the_built_in_ones(folder):
+    for name in ("no.toml", "."):
+        with pytest.raises(Refusal, match=r"no such file or not a text .* built-in studies: mini"):
+            load_study(str(folder / name))
+
+
+def test_an_output_that_is_a_file_is_refused(folder):
+    with pytest.raises(Refusal, match=r"--output .*scene\.toml cannot be made .* name a folder you may write to"):
+        ran(folder, output="scene.toml")
+
+
+def test_a_damaged_record_of_stages_is_refused_with_the_remedy(folder):
+    ran(folder)
+    (folder / "out" / "stages.json").write_text("{")
+    with pytest.raises(Refusal, match=r"stages\.json cannot be read .* again"):
+        ran(folder)
+
+
+def test_every_built_in_study_is_valid():
+    assert "mini" in built_in_studies()
+    for name in built_in_studies():
+        found, study, home = load_study(name)
+        assert (found, home) == (name, Path())
+        assert study.scene
+
+
+def test_the_command_prints_the_report_and_keeps_its_words_to_standard_error(folder, suffice, monkeypatch):
+    monkeypatch.chdir(folder)
+    answer = suffice("--log-json", "study", "my.toml")
+    assert (answer.code, answer.out.strip()) == (0, os.path.join("my", "report.html"))
+    assert "simulate: 12 particles" in answer.err
+    again = suffice("study", "my.toml")
+    assert again.err.count("nothing changed, kept from") == 4
+    (folder / "my" / "report.html").unlink()
+    assert suffice("report", "my").code == 0
+    assert (folder / "my" / "report.html").exists()

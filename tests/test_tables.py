@@ -1,0 +1,56 @@
+"""What commands say on a terminal."""
+
+from suffice.tables import show_comparison, show_facts, show_selection
+
+
+def candidate(interval, K_f, verdict="insufficient", reasons=("K_f 0.66 below 2",)):
+    return {"interval": interval, "K_f": K_f, "verdict": verdict, "reasons": list(reasons)}
+
+
+def selection(chosen, *candidates):
+    found = {"chosen_interval": chosen, "thresholds": {"feasibility": 2.0}, "candidates": list(candidates)}
+    return {"variables": {"position.x": found}}
+
+
+def test_the_chosen_interval_is_said_with_its_index(capsys):
+    show_selection(selection(0.003, candidate(0.004, 1.5), candidate(0.003, 2.25, "sufficient", [])))
+    assert "position.x: Δτ = 0.003 s suffices (K_f 2.25 ≥ 2)\n" in capsys.readouterr().out
+
+
+def test_a_choice_of_the_papers_rule_that_we_doubt_is_said_with_the_reason(capsys):
+    doubted = candidate(0.003, 2.25, "undecidable", ["R_c never exceeds 1.05"])
+    show_selection(selection(0.003, doubted))
+    said = " ".join(capsys.readouterr().out.split())
+    assert "suffices (K_f 2.25 ≥ 2); but undecidable: R_c never exceeds 1.05" in said
+
+
+def test_where_nothing_suffices_the_best_is_named_and_an_undefined_index_is_a_dash(capsys):
+    show_selection(selection(None, candidate(0.004, None, "undecidable"), candidate(0.003, 1.25)))
+    said = capsys.readouterr().out
+    assert "position.x: not sufficient at any Δτ considered; best K_f 1.25 at 0.003 s" in said
+    assert "–" in said
+
+
+def test_a_comparison_lists_its_rows_by_error_with_units(capsys):
+    row = {"variable": "position.x", "interval": 0.004, "unit": "m", "modes": 5, "rmse_diameters": 0.25}
+    row |= {"single_seconds": 2e-5, "storage_bytes": 2e6, "ratio_to_floor": 1.2, "on_front": {"single_seconds": True}}
+    rows = [row | {"surrogate": name, "rmse": rmse} for name, rmse in (("rbf", 2e-3), ("spline", 1e-3))]
+    bases = [{"variable": "position.x", "interval": 0.004}]
+    show_comparison({"bases": bases, "rows": rows, "choice": {"position.x": {"sentence": "Take the spline."}}})
+    said = capsys.readouterr().out
+    assert "position.x, Δτ = 0.004 s" in said
+    assert said.index("spline") < said.index("rbf")
+    assert "20 µs" in said
+    assert "2 MB" in said
+    assert said.endswith("Take the spline.\n")
+
+
+def test_facts_stand_one_a_line_and_brackets_are_no_markup(capsys):
+    show_facts("run.h5", {"n": 3, "variables": ["a", "b"], "scene": "[contact]\nstiffness = 1"})
+    assert capsys.readouterr().out.splitlines() == [
+        "run.h5",
+        "  n          3",
+        "  variables  a, b",
+        "  scene      [contact]",
+        "             stiffness = 1",
+    ]
