@@ -53,7 +53,9 @@ def dashpot_limit(contact: Contact, reduced_mass: float) -> float:
 def time_limits(scene: Scene) -> list[TimeLimit]:
     """Return what every term of a scene allows; the lightest particles bind."""
     lightest = min(particle_mass(table) for table in scene.particles)
-    limits = contact_limits("contact between particles", scene.contact, lightest / 2.0)
+    limits = []
+    if sum(table.count or len(table.position or ()) for table in scene.particles) > 1 or not scene.walls:
+        limits += contact_limits("contact between particles", scene.contact, lightest / 2.0)
     if scene.walls:
         limits += contact_limits("contact with walls", scene.law_of_walls, lightest)
     return limits

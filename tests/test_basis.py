@@ -90,7 +90,7 @@ def test_energy_is_reached_and_no_earlier():
     W = with_spectrum(400, 100, 0.9 ** np.arange(60))
     _, _, values = dense(W)
     ratio = np.cumsum(values) / values.sum()
-    basis = lanczos_pod(W, energy=0.99)
+    basis = lanczos_pod(W, energy=0.99, reconstructable=0.99)
     n = int(np.argmax(ratio >= 0.99)) + 1
     assert len(basis.values) == n == basis.n_lr
     assert_allclose(basis.ratio, ratio[:n], rtol=1e-12)
@@ -100,7 +100,7 @@ def test_the_least_reconstructable_mode_counts_all_energy_and_the_papers_fewer()
     # a slow spectrum: the Ritz values of few steps hold less than the trace, and the paper's ratio is reached sooner
     W = with_spectrum(2000, 400, (1 + np.arange(380)) ** -1.2)
     _, _, values = dense(W)
-    basis = lanczos_pod(W, energy=0.9)
+    basis = lanczos_pod(W, energy=0.9, reconstructable=0.9)
     assert basis.n_lr == int(np.argmax(np.cumsum(values) >= 0.9 * values.sum())) + 1
     assert basis.n_lr_paper is not None
     assert basis.n_lr_paper <= basis.n_lr
@@ -165,3 +165,9 @@ def test_other_particles_are_refused():
         basis.project(np.zeros((299, 2)))
     with pytest.raises(InputError, match="at most 3 modes"):
         basis.reconstruct(np.zeros((2, 4)))
+
+
+def test_fewer_modes_than_asked_for_by_the_rule_have_no_least_reconstructable_one():
+    W = with_spectrum(400, 100, 0.9 ** np.arange(60))
+    assert lanczos_pod(W, energy=0.9).n_lr is None
+    assert lanczos_pod(W, energy=0.9999).n_lr == lanczos_pod(W, energy=0.999).n_lr == len(lanczos_pod(W).values)
