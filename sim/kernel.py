@@ -96,3 +96,9 @@ def add_to_row(rows: Array, i: int, scale: float, vector: Vector) -> None:
     rows[i, 0] += scale * vector[0]
     rows[i, 1] += scale * vector[1]
     rows[i, 2] += scale * vector[2]
+
+
+@inlined
+def difference(rows: Array, i: int, j: int) -> Vector:
+    """Row i less row j of `rows` (n, 3)."""
+    return rows[i, 0] - rows[j, 0], rows[i, 1] - rows[j, 1], rows[i, 2] - rows[j, 2]

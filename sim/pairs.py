@@ -3,10 +3,22 @@
 from math import sqrt
 
 from sim.contact import ContactLaw, contact_force, part
-from sim.kernel import Array, add_to_row, kernel
+from sim.kernel import Array, Vector, add_to_row, difference, inlined, kernel
 from sim.neighbors import Neighbors
 
 TALLY = 2  # of a chunk: dissipated energy (J), largest overlap in radii
+
+
+@inlined
+def turning_of(spin: Array | None, i: int, arm_i: float, j: int, arm_j: float) -> Vector:
+    """Sum of lever arm (m) times spin of two particles, m/s; nothing where nothing turns."""
+    if spin is None:
+        return 0.0, 0.0, 0.0
+    return (
+        arm_i * spin[i, 0] + arm_j * spin[j, 0],
+        arm_i * spin[i, 1] + arm_j * spin[j, 1],
+        arm_i * spin[i, 2] + arm_j * spin[j, 2],
+    )
 
 
 @kernel
@@ -35,10 +47,9 @@ def add_pair_forces(
     first, last, partner, touching = listed.first, listed.last, listed.partner, listed.touching
     lost, deepest = 0.0, tally[c, 1]
     for i in range(begin, end):
-        x, y, z = position[i, 0], position[i, 1], position[i, 2]
         for entry in range(first[i], last[i]):
             j = partner[entry]
-            nx, ny, nz = x - position[j, 0], y - position[j, 1], z - position[j, 2]
+            nx, ny, nz = difference(position, i, j)
             square = nx * nx + ny * ny + nz * nz
             reach = radius[i] + radius[j]
             inside = begin <= j < end
@@ -52,19 +63,9 @@ def add_pair_forces(
             smaller = min(radius[i], radius[j])
             if overlap > deepest * smaller:
                 deepest = overlap / smaller
-            approach = (
-                velocity[i, 0] - velocity[j, 0],
-                velocity[i, 1] - velocity[j, 1],
-                velocity[i, 2] - velocity[j, 2],
-            )
+            approach = difference(velocity, i, j)
             arm_i, arm_j = radius[i] - 0.5 * overlap, radius[j] - 0.5 * overlap
-            turning = (0.0, 0.0, 0.0)
-            if spin is not None:
-                turning = (
-                    arm_i * spin[i, 0] + arm_j * spin[j, 0],
-                    arm_i * spin[i, 1] + arm_j * spin[j, 1],
-                    arm_i * spin[i, 2] + arm_j * spin[j, 2],
-                )
+            turning = turning_of(spin, i, arm_i, j, arm_j)
             reduced = 1.0 / (inverse_mass[i] + inverse_mass[j])
             push, moment, taken = contact_force(
                 entry, overlap, normal, approach, turning, touching, spring, reduced, law, dt

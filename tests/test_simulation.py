@@ -180,8 +180,10 @@ def closing(scene):
     series, last = [], None
     for snapshot in simulate(scene):
         last = snapshot
-        series.append([snapshot.series["energy.balance"], snapshot.series["energy.wall_work"]])
-    balance, work = np.array(series).T
+        series.append([snapshot.series[f"energy.{name}"] for name in ("balance", "wall_work", "dissipated")])
+    balance, work, dissipated = np.array(series).T
+    # friction is booked as what it did: a law that pushed beads on would show as dissipation that falls
+    assert (np.diff(dissipated) > -1e-3 * np.diff(dissipated).max()).all()
     return np.abs(balance - balance[0]).max() / np.abs(work).max(), last
 
 
