@@ -69,8 +69,14 @@ def show_facts(title: str, facts: Mapping[str, Any]) -> None:
     console.print(title, style="bold", highlight=False, markup=False)
     width = max((len(name) for name in facts), default=0)
     for name, value in facts.items():
-        text = ", ".join(map(str, value)) if isinstance(value, Sequence) and not isinstance(value, str) else str(value)
+        several = isinstance(value, Sequence) and not isinstance(value, str)
+        text = ", ".join(map(_plain, value)) if several else _plain(value)
         for k, line in enumerate(text.splitlines() or [""]):
             console.print(
                 f"  {(name if k == 0 else ''):<{width}}  {line}", highlight=False, markup=False, soft_wrap=True
             )
+
+
+def _plain(value: Any) -> str:
+    """Return a value as people write it: 0.003, not 0.0029999999999999996."""
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -35,15 +35,10 @@ def test_no_function_is_long():
     long = {}
     for path in SOURCES:
         for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.FunctionDef) and not _is_kernel(node):
-                n = (node.end_lineno or 0) - node.lineno + 1
+            if isinstance(node, ast.FunctionDef):
+                n = (node.end_lineno or 0) - node.lineno
                 long |= {f"{path.name}: {node.name}": n} if n > LONGEST_FUNCTION else {}
     assert not long
-
-
-def _is_kernel(node):
-    """Whether a loop over contacts is compiled as one piece: its laws are functions of their own already."""
-    return any(isinstance(d, ast.Name) and d.id in ("kernel", "parallel_kernel") for d in node.decorator_list)
 
 
 def test_the_four_packages_know_nothing_of_each_other_nor_of_suffice():
