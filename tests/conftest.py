@@ -1,5 +1,6 @@
 """Scenes in a line, and the command line in a call."""
 
+import os
 from collections.abc import Callable, Iterator
 from math import inf
 from pathlib import Path
@@ -53,6 +54,15 @@ class Answer(NamedTuple):
     code: int
     out: str
     err: str
+
+
+@pytest.fixture(scope="session")
+def reference() -> Path:
+    """Return the folder of the foreign run, which lies beside the checkout; CI may not go without it."""
+    folder = Path(__file__).parents[1].parent / "shared" / "reference"
+    if not folder.exists() and "CI" not in os.environ:
+        pytest.skip("the foreign run is not beside this checkout (../shared/reference)")
+    return folder
 
 
 @pytest.fixture

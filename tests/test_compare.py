@@ -2,7 +2,6 @@
 
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +16,6 @@ from suffice.run import Run
 from suffice.store import RunWriter
 from surrogates import SURROGATES
 
-SHAKE = Path(__file__).parents[1].parent / "shared" / "reference" / "shake.dump.xz"
 N, INTERVAL, DIAMETER = 40, 0.001, 2e-3
 
 
@@ -254,8 +252,8 @@ def test_a_run_of_two_snapshots_leaves_nothing_to_predict(tmp_path):
 
 
 @pytest.mark.physics
-def test_between_snapshots_of_a_shaken_bed_stored_velocities_beat_every_reduced_model(tmp_path):
-    import_run(SHAKE, tmp_path / "shake.h5", interval=INTERVAL)
+def test_between_snapshots_of_a_shaken_bed_stored_velocities_beat_every_reduced_model(reference, tmp_path):
+    import_run(reference / "shake.dump.xz", tmp_path / "shake.h5", interval=INTERVAL)
     with Run(tmp_path / "shake.h5") as run:
         answer = compare(run, ["position.x", "position.z"], [0.005, 0.003])
     for variable in ("position.x", "position.z"):

@@ -1,6 +1,5 @@
 import gzip
 import lzma
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,8 +7,6 @@ import pytest
 from suffice.readers import import_run
 from suffice.refusal import Refusal
 from suffice.store import Run
-
-SHAKE = Path(__file__).parents[1].parent / "shared" / "reference" / "shake.dump.xz"
 
 COLUMNS = "id type x y z vx vy vz omegax omegay omegaz radius"
 BOX = ("BOX BOUNDS ff ff ff", "0 0.1", "0 0.1", "-0.02 0.2")
@@ -293,13 +290,13 @@ def test_progress_counts_every_snapshot(tmp_path):
     assert seen == [(1, 4), (2, 4), (3, 4), (4, 4)]
 
 
-def test_a_run_of_lammps_comes_in_whole_to_its_six_digits(tmp_path):
+def test_a_run_of_lammps_comes_in_whole_to_its_six_digits(reference, tmp_path):
     # an independent reading of the dump: every line split, sorted by id, in double precision
-    lines = lzma.decompress(SHAKE.read_bytes()).decode().splitlines()
+    lines = lzma.decompress((reference / "shake.dump.xz").read_bytes()).decode().splitlines()
     rows = np.array([line.split() for k in range(301) for line in lines[k * 585 + 9 : (k + 1) * 585]], float)
     rows = rows.reshape(301, 576, 9)
     rows = np.take_along_axis(rows, np.argsort(rows[:, :, 0])[:, :, None], axis=1)
-    with imported(SHAKE, tmp_path / "shake.h5", precision="double") as run:
+    with imported(reference / "shake.dump.xz", tmp_path / "shake.h5", precision="double") as run:
         assert (run.n_snapshots, run.n_particles, run.interval) == (301, 576, 0.001)
         for column, name in enumerate(run.variables, start=2):
             assert np.array_equal(run.variable(name)[0:576], rows[:, :, column].T)

@@ -2,23 +2,20 @@
 
 import json
 import lzma
-from pathlib import Path
 
 import pytest
 
-REFERENCE = Path(__file__).parents[1].parent / "shared" / "reference"
-
 
 @pytest.mark.physics
-def test_import_and_select_find_every_integer_of_an_independent_script(suffice, tmp_path):
+def test_import_and_select_find_every_integer_of_an_independent_script(suffice, reference, tmp_path):
     dump = tmp_path / "shake.dump"
-    dump.write_bytes(lzma.decompress((REFERENCE / "shake.dump.xz").read_bytes()))
+    dump.write_bytes(lzma.decompress((reference / "shake.dump.xz").read_bytes()))
     run = tmp_path / "shake.h5"
     assert suffice("import", str(dump), "--interval", "0.001", "-o", str(run)).code == 0
     answer = suffice("select", str(run), "--json", "-")
     assert answer.code == 0
     found = json.loads(answer.out)["variables"]
-    expected = json.loads((REFERENCE / "shake.expected.json").read_text())
+    expected = json.loads((reference / "shake.expected.json").read_text())
     assert set(found) == set(expected)
     for variable, by_interval in expected.items():
         candidates = {str(round(c["interval"] * 1e3)): c for c in found[variable]["candidates"]}

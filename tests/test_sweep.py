@@ -2,7 +2,6 @@
 
 import json
 import lzma
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,18 +10,15 @@ from numpy.testing import assert_allclose
 from pod import SnapshotMatrix
 from selection import ArraySnapshots, InputError, Thresholds, default_intervals, sweep
 
-REFERENCE = Path(__file__).parents[1].parent / "shared" / "reference"
 COLUMNS = {
     f"{name}.{axis}": f"{prefix}{axis}" for name, prefix in (("position", ""), ("velocity", "v")) for axis in "xyz"
 }
 
 
 @pytest.fixture(scope="module")
-def shake():
+def shake(reference):
     """Rows of the foreign run by column. For this one file only: the reader of dumps is `suffice.readers`."""
-    if not REFERENCE.exists():
-        pytest.skip("the reference data are not beside this checkout")
-    with lzma.open(REFERENCE / "shake.dump.xz", "rt") as file:
+    with lzma.open(reference / "shake.dump.xz", "rt") as file:
         snapshots = [
             part.partition("ITEM: ATOMS ")[2].partition("\n") for part in file.read().split("ITEM: TIMESTEP")[1:]
         ]
@@ -34,10 +30,8 @@ def shake():
 
 
 @pytest.fixture(scope="module")
-def expected():
-    if not REFERENCE.exists():
-        pytest.skip("the reference data are not beside this checkout")
-    return json.loads((REFERENCE / "shake.expected.json").read_text())
+def expected(reference):
+    return json.loads((reference / "shake.expected.json").read_text())
 
 
 def milliseconds(n):
