@@ -5,7 +5,8 @@ Read in this order: `scene` (what a scene may say), `simulation` (the run), `ver
 """
 
 from sim.errors import InputError, LimitError
-from sim.scene import Scene, built_in_scenes, parse_scene, scene_text
+from sim.reading import built_in_scenes, parse_scene, scene_text
+from sim.scene import Scene
 from sim.simulation import Simulation, simulate
 from sim.state import Snapshot
 

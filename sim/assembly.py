@@ -8,8 +8,10 @@ from sim.contact import ContactLaw, contact_law
 from sim.errors import InputError
 from sim.kernel import Array
 from sim.motion import FIXED, MOTION_PARAMETERS, OSCILLATING, ROTATING, TRANSLATING, Bodies, move_bodies, rotation_about
-from sim.scene import Box, Contact, Cylinder, Oscillation, Plane, Rotation, Scene, WallTable
+from sim.scene import Scene
 from sim.shapes import BOX, CYLINDER, PARAMETERS, PLANE, TUBE
+from sim.species import Contact
+from sim.vessel import Box, Cylinder, Oscillation, Plane, Rotation, WallTable
 
 Shape = tuple[int, Array, float]  # kind, parameters, side
 

@@ -5,7 +5,8 @@ import numpy as np
 from sim.errors import InputError
 from sim.kernel import Array
 from sim.motion import Bodies
-from sim.scene import Box, Cylinder, Scene
+from sim.scene import Scene
+from sim.vessel import Box, Cylinder
 from sim.walls import count_near_walls
 
 MOST_SITES = 64  # per particle, so that a few particles in a large box cost little

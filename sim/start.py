@@ -8,7 +8,8 @@ from sim.motion import Bodies
 from sim.neighbors import Neighbors
 from sim.overlap import deepest_pair
 from sim.packing import pack
-from sim.scene import ParticleTable, Scene
+from sim.scene import Scene
+from sim.species import ParticleTable
 from sim.state import Particles
 from sim.timestep import particle_mass
 from sim.walls import count_near_walls, wall_distance

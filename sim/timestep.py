@@ -13,7 +13,8 @@ from sim.contact import (
     tangential_time,
 )
 from sim.errors import InputError
-from sim.scene import Contact, ParticleTable, Scene
+from sim.scene import Scene
+from sim.species import Contact, ParticleTable
 
 
 class TimeLimit(NamedTuple):

@@ -74,7 +74,7 @@ def study(
 @app.command()
 def scenes(name: Annotated[str | None, typer.Argument(help="print this one as TOML, to copy and edit")] = None) -> None:
     """List the built-in scenes, or print one."""
-    from sim.scene import built_in_scenes
+    from sim.reading import built_in_scenes
     from suffice.refusal import Refusal
 
     known = built_in_scenes()
