@@ -9,8 +9,8 @@ from sim.motion import move_bodies
 from sim.simulation import Simulation
 
 TUPLES = ("particles", "listed", "near")
-ARRAYS = ("force", "torque", "wall_spring", "listed_at", "tally", "body_tally", "reported")
-NUMBERS = ("step", "listed_step", "wall_speed")
+ARRAYS = ("seen", "wrench", "spring", "wall_spring", "listed_at", "tally", "body_tally", "reported")
+NUMBERS = ("step", "listed_step", "wall_speed", "skin")
 
 
 def state_of(run: Simulation) -> dict[str, NDArray[Any]]:
@@ -30,7 +30,7 @@ def restore_(run: Simulation, state: dict[str, NDArray[Any]]) -> None:
     Walls need no entry: their pose is a function of time. Raises KeyError where the state is of another kind of scene.
     """
     run.step, run.listed_step = int(state["step"]), int(state["listed_step"])
-    run.wall_speed = float(state["wall_speed"])
+    run.wall_speed, run.skin = float(state["wall_speed"]), float(state["skin"])
     for name in TUPLES:
         fields = getattr(run, name)._asdict()
         kept = {field: None if rows is None else state[f"{name}.{field}"] for field, rows in fields.items()}

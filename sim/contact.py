@@ -52,8 +52,8 @@ def tangential_time(tangential_stiffness: float, reduced_mass: float) -> float:
 
 @inlined
 def normal_contact(
-    overlap: float, separation_speed: float, phase: int, reduced_mass: float, law: ContactLaw, dt: float
-) -> tuple[float, float, float, float, int]:
+    overlap: float, separation_speed: float, phase: float, reduced_mass: float, law: ContactLaw, dt: float
+) -> tuple[float, float, float, float, float]:
     """Return the normal force of a contact at this moment, F_n = k δ − w η v_n, its ends resolved within the step.
 
     A force stands for half a step before and half a step after its moment. But a new contact began overlap / approach
@@ -61,24 +61,18 @@ def normal_contact(
     overlap / separation speed from now. Returns the force (N), the energy its dashpot takes (J), the share w of a step
     that it stands for, the time in contact since the last moment (s), and the phase for the next.
     """
-    before, after = 0.5, 0.5
-    elapsed = dt
-    if phase == APART:
-        if separation_speed < 0.0:
-            before = min(-overlap / (separation_speed * dt), 1.0)
-        elapsed = before * dt
-    elif phase == LEAVING:  # the last force stood for this time too
-        before = 0.0
-    phase = TOUCHING
+    begins = phase == APART
+    first = min(-overlap / (separation_speed * dt), 1.0) if begins and separation_speed < 0.0 else 0.5
+    elapsed = first * dt if begins else dt
+    before = 0.0 if phase == LEAVING else first  # the last force stood for that time too
     damping = law.damping * sqrt(reduced_mass) * separation_speed
-    load = law.stiffness * overlap - (before + after) * damping
+    elastic = law.stiffness * overlap
+    load = elastic - (before + 0.5) * damping
     ahead = (separation_speed + 0.5 * dt * load / reduced_mass) * dt
-    if ahead > overlap:
-        phase = LEAVING
-        after = overlap / ahead
-        load = law.stiffness * overlap - (before + after) * damping
-    share = before + after
-    return load, share * damping * separation_speed * dt, share, elapsed, phase
+    leaves = ahead > overlap
+    share = before + (overlap / ahead if leaves else 0.5)
+    load = elastic - share * damping
+    return load, share * damping * separation_speed * dt, share, elapsed, LEAVING if leaves else TOUCHING
 
 
 @inlined
@@ -104,28 +98,47 @@ def tangential_force(
     vx, vy, vz = slip
     sx, sy, sz = spring
     k = law.tangential_stiffness
+    compliance = 1.0 / k
     stored = sx * sx + sy * sy + sz * sz
     along = sx * nx + sy * ny + sz * nz
     px, py, pz = sx - along * nx, sy - along * ny, sz - along * nz
     kept = px * px + py * py + pz * pz
-    if kept > 0.0:
-        stretch = sqrt(stored / kept)
-        px, py, pz = px * stretch, py * stretch, pz * stretch
+    stretch = sqrt(stored / kept) if kept > 0.0 else 0.0
     grows = 0.5 * dt if elapsed == dt else elapsed
-    px, py, pz = px + vx * grows, py + vy * grows, pz + vz * grows
+    px, py, pz = px * stretch + vx * grows, py * stretch + vy * grows, pz * stretch + vz * grows
 
     damping = share * law.tangential_damping * sqrt(reduced_mass)
     fx, fy, fz = -k * px - damping * vx, -k * py - damping * vy, -k * pz - damping * vz
     limit = law.friction * abs(normal_load)
     trial = fx * fx + fy * fy + fz * fz
-    if trial > limit * limit:
-        cut = limit / sqrt(trial)
-        fx, fy, fz = fx * cut, fy * cut, fz * cut
-        px, py, pz = -(fx + damping * vx) / k, -(fy + damping * vy) / k, -(fz + damping * vz) / k
+    slides = trial > limit * limit
+    cut = limit / sqrt(trial) if slides else 1.0
+    fx, fy, fz = fx * cut, fy * cut, fz * cut
+    px = -(fx + damping * vx) * compliance if slides else px
+    py = -(fy + damping * vy) * compliance if slides else py
+    pz = -(fz + damping * vz) * compliance if slides else pz
     half = 0.5 * dt
     px, py, pz = px + vx * half, py + vy * half, pz + vz * half
     work = -(fx * vx + fy * vy + fz * vz) * dt
     return (fx, fy, fz), (px, py, pz), work + 0.5 * k * (stored - px * px - py * py - pz * pz)
+
+
+@inlined
+def slip_of(normal: Vector, approach: Vector, speed: float, turning: Vector) -> Vector:
+    """Tangential part of v − Σ l ω × n (m/s), of the velocity of the centres and the sum of lever arm times spin."""
+    nx, ny, nz = normal
+    sx, sy, sz = turning
+    return (
+        approach[0] - speed * nx - (sy * nz - sz * ny),
+        approach[1] - speed * ny - (sz * nx - sx * nz),
+        approach[2] - speed * nz - (sx * ny - sy * nx),
+    )
+
+
+@inlined
+def cross(a: Vector, b: Vector) -> Vector:
+    """Cross product a × b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @inlined
@@ -148,25 +161,19 @@ def contact_force(
     (None) there is no friction.
     """
     nx, ny, nz = normal
-    vx, vy, vz = approach
-    speed = vx * nx + vy * ny + vz * nz
+    speed = approach[0] * nx + approach[1] * ny + approach[2] * nz
     load, lost, share, elapsed, phase = normal_contact(overlap, speed, touching[entry], reduced_mass, law, dt)
     touching[entry] = phase
     fx, fy, fz = load * nx, load * ny, load * nz
     moment = (0.0, 0.0, 0.0)
     if spring is not None:
-        sx, sy, sz = turning
-        slip = (
-            vx - speed * nx - (sy * nz - sz * ny),
-            vy - speed * ny - (sz * nx - sx * nz),
-            vz - speed * nz - (sx * ny - sy * nx),
-        )
+        slip = slip_of(normal, approach, speed, turning)
         old = (spring[entry, 0], spring[entry, 1], spring[entry, 2])
-        (gx, gy, gz), new, rubbed = tangential_force(normal, slip, old, load, share, reduced_mass, law, dt, elapsed)
+        rub, new, rubbed = tangential_force(normal, slip, old, load, share, reduced_mass, law, dt, elapsed)
         spring[entry, 0], spring[entry, 1], spring[entry, 2] = new
         lost += rubbed
-        fx, fy, fz = fx + gx, fy + gy, fz + gz
-        moment = (ny * gz - nz * gy, nz * gx - nx * gz, nx * gy - ny * gx)
+        fx, fy, fz = fx + rub[0], fy + rub[1], fz + rub[2]
+        moment = cross(normal, rub)
     return (fx, fy, fz), moment, lost
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.contact import ContactLaw
-from sim.kernel import Array, kernel
+from sim.kernel import Array, difference, kernel
 from sim.motion import Bodies
 from sim.neighbors import Neighbors
 from sim.state import Particles, inertia, mass
@@ -35,26 +35,19 @@ def pair_elastic_energy(
 ) -> tuple[float, float, float]:
     """Energy of all pair springs (J), number of touching pairs, largest overlap in radii."""
     energy, contacts, deepest = 0.0, 0.0, 0.0
-    for c in range(listed.chunks.shape[0] - 1):
-        begin, end = listed.chunks[c], listed.chunks[c + 1]
-        for i in range(begin, end):
-            for entry in range(listed.first[i], listed.last[i]):
-                j = listed.partner[entry]
-                dx, dy, dz = (
-                    position[i, 0] - position[j, 0],
-                    position[i, 1] - position[j, 1],
-                    position[i, 2] - position[j, 2],
-                )
-                overlap = radius[i] + radius[j] - sqrt(dx * dx + dy * dy + dz * dz)
-                if overlap <= 0.0:
-                    continue
-                count = 1.0 if begin <= j < end else 0.5  # pairs across chunks are listed twice
-                contacts += count
-                deepest = max(deepest, overlap / min(radius[i], radius[j]))
-                energy += count * 0.5 * law.stiffness * overlap**2
-                if spring is not None:
-                    for axis in range(3):
-                        energy += count * 0.5 * law.tangential_stiffness * spring[entry, axis] ** 2
+    for i in range(radius.shape[0]):
+        for entry in range(listed.first[i], listed.last[i]):
+            j = listed.partner[entry]
+            dx, dy, dz = difference(position, i, j)
+            overlap = radius[i] + radius[j] - sqrt(dx * dx + dy * dy + dz * dz)
+            if overlap <= 0.0:
+                continue
+            contacts += 1.0
+            deepest = max(deepest, overlap / min(radius[i], radius[j]))
+            energy += 0.5 * law.stiffness * overlap**2
+            if spring is not None:
+                for axis in range(3):
+                    energy += 0.5 * law.tangential_stiffness * spring[entry, axis] ** 2
     return energy, contacts, deepest
 
 

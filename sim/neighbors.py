@@ -1,12 +1,12 @@
 """Who may touch whom: a list of pairs closer than a skin, rebuilt when a particle has moved far enough.
 
 Particles are kept sorted by cells of space and dealt to a fixed number of chunks, whatever the number of threads. A
-pair within a chunk stands once in the list, with the first of the two, and its force is applied to both; a pair that
-crosses chunks stands twice, once for each side, and each side applies only its own half. No two chunks ever write to
-the same particle, so sums run in the same order on any number of threads.
+pair stands once in the list, with the first of the two, nearest partners first. A chunk applies the forces of its own
+pairs; what it owes to a particle of another chunk it leaves in a letter box, which that chunk empties before it moves
+its particles. No two chunks ever write to the same particle, and sums run in the same order on any number of threads.
 """
 
-from math import floor
+from math import floor, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -26,9 +26,12 @@ class Neighbors(NamedTuple):
     chunks: Indices  # (chunks + 1,) first particle of each chunk
     first: Indices  # (n,)
     last: Indices  # (n,)
-    partner: Partners  # (capacity,) particle
+    owner: Partners  # (capacity,) particle i
+    partner: Partners  # (capacity,) particle, behind the listing one
     touching: Flags  # (capacity,) phase of the contact, 0 while apart
-    spring: Array | None  # (capacity, 3) m, tangential displacement as seen by the listing particle
+    target: Partners  # (capacity,) the partner itself, or n + letter box where it is in another chunk
+    boxes: Indices  # (chunks + 1,) first letter box of each receiving chunk
+    receiver: Partners  # (boxes,) particle whose letter box it is
 
 
 class CellGrid(NamedTuple):
@@ -48,13 +51,21 @@ def chunk_bounds(n: int) -> Indices:
     return np.linspace(0, n, chunks + 1).astype(np.int64)
 
 
-def empty_neighbors(n: int, region: int, with_spring: bool) -> Neighbors:
+def empty_neighbors(n: int, region: int) -> Neighbors:
     """Return a list without entries that has room for `region` of them in every chunk."""
     chunks = chunk_bounds(n)
     capacity = region * (len(chunks) - 1)
-    none = np.zeros(n, np.int64)
-    spring = np.zeros((capacity, 3)) if with_spring else None
-    return Neighbors(chunks, none, none.copy(), np.zeros(capacity, np.uint32), np.zeros(capacity, np.uint8), spring)
+    return Neighbors(
+        chunks,
+        first=np.zeros(n, np.int64),
+        last=np.zeros(n, np.int64),
+        owner=np.zeros(capacity, np.uint32),
+        partner=np.zeros(capacity, np.uint32),
+        touching=np.zeros(capacity, np.uint8),
+        target=np.zeros(capacity, np.uint32),
+        boxes=np.zeros(len(chunks), np.int64),
+        receiver=np.zeros(0, np.uint32),
+    )
 
 
 def cell_grid(position: Array, cutoff: float) -> CellGrid:
@@ -103,6 +114,17 @@ def sort_by_cell(position: Array, grid: CellGrid) -> tuple[Indices, Indices]:
     return order, start
 
 
+@inlined
+def place_by_gap(entry: int, beginning: int, j: int, gap: float, partner: Partners, gaps: Array) -> None:
+    """Insert partner j among the entries of its particle, which are kept in the order of their gaps (m)."""
+    while entry > beginning and gaps[entry - 1 - beginning] > gap:
+        partner[entry] = partner[entry - 1]
+        gaps[entry - beginning] = gaps[entry - 1 - beginning]
+        entry -= 1
+    partner[entry] = j
+    gaps[entry - beginning] = gap
+
+
 @kernel
 def list_chunk(
     c: int, position: Array, radius: Array, grid: CellGrid, start: Indices, skin: float, listed: Neighbors
@@ -110,24 +132,24 @@ def list_chunk(
     """List the pairs of the particles of chunk c; return how many there are, even where its region holds fewer."""
     region = listed.partner.shape[0] // (listed.chunks.shape[0] - 1)
     entry, full = c * region, (c + 1) * region
-    begin = listed.chunks[c]
-    for i in range(begin, listed.chunks[c + 1]):
+    gaps = np.empty(region)
+    for i in range(listed.chunks[c], listed.chunks[c + 1]):
         listed.first[i] = min(entry, full)
+        beginning = entry
         x, y, z = position[i, 0], position[i, 1], position[i, 2]
         ix, iy, iz = cell_of(x, y, z, grid)
-        reach = radius[i] + skin
         for kz in range(max(iz - 1, 0), min(iz + 2, grid.cells[2])):
             for ky in range(max(iy - 1, 0), min(iy + 2, grid.cells[1])):
                 for kx in range(max(ix - 1, 0), min(ix + 2, grid.cells[0])):
                     cell = cell_number(kx, ky, kz, grid.blocks)
-                    for j in range(start[cell], start[cell + 1]):
-                        if begin <= j <= i:
-                            continue
+                    for j in range(max(start[cell], i + 1), start[cell + 1]):
                         dx, dy, dz = x - position[j, 0], y - position[j, 1], z - position[j, 2]
-                        limit = reach + radius[j]
-                        if dx * dx + dy * dy + dz * dz < limit * limit:
+                        reach = radius[i] + radius[j]
+                        square = dx * dx + dy * dy + dz * dz
+                        if square < (reach + skin) * (reach + skin):
                             if entry < full:
-                                listed.partner[entry] = j
+                                listed.owner[entry] = i
+                                place_by_gap(entry, beginning, j, sqrt(square) - reach, listed.partner, gaps)
                             entry += 1
         listed.last[i] = min(entry, full)
     wanted: int = entry - c * region
@@ -160,7 +182,7 @@ def inherited_entry(old: Neighbors, i: int, j: int) -> int:
 @kernel
 def inherit_chunk(c: int, order: Indices, old: Neighbors, old_spring: Array, new: Neighbors, new_spring: Array) -> None:
     """Carry over the contacts of the particles of chunk c."""
-    with_spring = old_spring.shape[0] > 0
+    columns = old_spring.shape[1]
     for i in range(new.chunks[c], new.chunks[c + 1]):
         for entry in range(new.first[i], new.last[i]):
             sign = 1.0
@@ -171,44 +193,86 @@ def inherit_chunk(c: int, order: Indices, old: Neighbors, old_spring: Array, new
             if before < 0:
                 continue
             new.touching[entry] = old.touching[before]
-            if with_spring:
-                for axis in range(3):
-                    new_spring[entry, axis] = sign * old_spring[before, axis]
+            for axis in range(columns):
+                new_spring[entry, axis] = sign * old_spring[before, axis]
 
 
 @parallel_kernel
 def inherit_contacts(order: Indices, old: Neighbors, old_spring: Array, new: Neighbors, new_spring: Array) -> None:
     """Carry contacts over from a list that numbers the particles in another order.
 
-    A pair may be listed by the other partner now: its displacement then changes sign. Frictionless lists pass springs
-    of no rows.
+    A pair may be listed by the other partner now: its displacements then change sign. Frictionless lists pass springs
+    of no columns.
     """
     for c in prange(new.chunks.shape[0] - 1):
         inherit_chunk(c, order, old, old_spring, new, new_spring)
 
 
+@kernel
+def count_crossings(c: int, listed: Neighbors, crossings: Indices) -> None:
+    """Count the pairs of chunk c with each other chunk, in row c of `crossings` (chunks, chunks)."""
+    for entry in range(listed.first[listed.chunks[c]], listed.last[listed.chunks[c + 1] - 1]):
+        crossings[c, chunk_of(listed, c, listed.partner[entry])] += 1
+    crossings[c, c] = 0
+
+
+@inlined
+def chunk_of(listed: Neighbors, c: int, j: int) -> int:
+    """Chunk of particle j, which is not before chunk c."""
+    while j >= listed.chunks[c + 1]:
+        c += 1
+    return c
+
+
+@kernel
+def assign_boxes(c: int, listed: Neighbors, following: Indices) -> None:
+    """Give every pair of chunk c with another chunk d the next box of row c, column d of `following`."""
+    for entry in range(listed.first[listed.chunks[c]], listed.last[listed.chunks[c + 1] - 1]):
+        j = listed.partner[entry]
+        listed.target[entry] = j
+        if j >= listed.chunks[c + 1]:
+            d = chunk_of(listed, c, j)
+            listed.target[entry] = listed.first.shape[0] + following[c, d]
+            listed.receiver[following[c, d]] = j
+            following[c, d] += 1
+
+
+def with_boxes(listed: Neighbors) -> Neighbors:
+    """Return the list with a letter box for every pair that crosses chunks, ordered by receiving chunk."""
+    chunks = len(listed.chunks) - 1
+    crossings = np.zeros((chunks, chunks), np.int64)
+    for c in range(chunks):
+        count_crossings(c, listed, crossings)
+    end = np.cumsum(crossings.T.ravel())
+    following = (end - crossings.T.ravel()).reshape(chunks, chunks).T.copy()
+    listed = listed._replace(
+        boxes=np.concatenate([[0], end[chunks - 1 :: chunks]]), receiver=np.zeros(int(end[-1]), np.uint32)
+    )
+    for c in range(chunks):
+        assign_boxes(c, listed, following)
+    return listed
+
+
 def rebuilt_neighbors(
-    position: Array, radius: Array, order: Indices, start: Indices, grid: CellGrid, skin: float, old: Neighbors
-) -> Neighbors:
-    """Return the list for particles already put in `order`, with the contacts of the old list."""
+    position: Array,
+    radius: Array,
+    order: Indices,
+    start: Indices,
+    grid: CellGrid,
+    skin: float,
+    old: Neighbors,
+    old_spring: Array | None,
+) -> tuple[Neighbors, Array | None]:
+    """Return the list for particles already put in `order`, and its springs, with the contacts of the old list."""
     region = len(old.partner) // (len(old.chunks) - 1)
     while True:
-        new = empty_neighbors(len(radius), region, old.spring is not None)
-        most = int(fill_neighbors(position, radius, grid, start, skin, without_spring(new)).max())
+        new = empty_neighbors(len(radius), region)
+        most = int(fill_neighbors(position, radius, grid, start, skin, new).max())
         if most <= region:
             break
         region = int(1.25 * most) + 1
-    none = np.zeros((0, 3))
-    inherit_contacts(
-        order,
-        without_spring(old),
-        none if old.spring is None else old.spring,
-        without_spring(new),
-        none if new.spring is None else new.spring,
-    )
-    return new
-
-
-def without_spring(listed: Neighbors) -> Neighbors:
-    """Return the list as compiled code takes it: springs travel as an argument of their own, or as None."""
-    return listed._replace(spring=None)
+    new = with_boxes(new)
+    none = np.zeros((0, 0))
+    spring = None if old_spring is None else np.zeros((len(new.partner), old_spring.shape[1]))
+    inherit_contacts(order, old, none if old_spring is None else old_spring, new, none if spring is None else spring)
+    return new, spring

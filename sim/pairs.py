@@ -1,82 +1,175 @@
-"""Forces between touching particles."""
+"""Forces between touching particles, batch by batch.
+
+The touching pairs of a chunk are gathered into a batch, quantity by quantity, so that the processor evaluates the
+contact law of several pairs at once (the loop of `resolve_contacts` has no branch); then the forces are dealt out.
+"""
 
 from math import sqrt
 
-from sim.contact import ContactLaw, contact_force, part
-from sim.kernel import Array, Vector, add_to_row, difference, inlined, kernel
+import numpy as np
+
+from sim.contact import APART, ContactLaw, cross, normal_contact, part, slip_of, tangential_force
+from sim.kernel import Array, Partners, inlined, kernel
 from sim.neighbors import Neighbors
+from sim.state import INVERSE_MASS, RADIUS, SPIN_X, SPIN_Y, SPIN_Z, VELOCITY_X, VELOCITY_Y, VELOCITY_Z, X, Y, Z
 
 TALLY = 2  # of a chunk: dissipated energy (J), largest overlap in radii
+BATCH = 64  # contacts; small enough for the fastest cache
+
+# where each quantity of a batch begins: what was gathered ...
+DX, DY, DZ, SQUARE, RADIUS_I, RADIUS_J, MOBILITY, VX, VY, VZ = range(0, 10 * BATCH, BATCH)
+TX, TY, TZ, OX, OY, OZ, SX, SY, SZ, PHASE = range(10 * BATCH, 20 * BATCH, BATCH)
+# ... and what follows from it
+FX, FY, FZ, MX, MY, MZ, OVERLAP, LOST = range(20 * BATCH, 28 * BATCH, BATCH)
+QUANTITIES = 28
 
 
 @inlined
-def turning_of(spin: Array | None, i: int, arm_i: float, j: int, arm_j: float) -> Vector:
-    """Sum of lever arm (m) times spin of two particles, m/s; nothing where nothing turns."""
-    if spin is None:
-        return 0.0, 0.0, 0.0
-    return (
-        arm_i * spin[i, 0] + arm_j * spin[j, 0],
-        arm_i * spin[i, 1] + arm_j * spin[j, 1],
-        arm_i * spin[i, 2] + arm_j * spin[j, 2],
-    )
+def gather(m: int, pair: Partners, seen: Array, listed: Neighbors, spring: Array | None, batch: Array) -> None:
+    """Gather what the contact law needs of m touching pairs besides their distance."""
+    for k in range(m):
+        i, j, entry = pair[k], pair[BATCH + k], pair[2 * BATCH + k]
+        batch[PHASE + k] = listed.touching[entry]
+        batch[MOBILITY + k] = seen[i, INVERSE_MASS] + seen[j, INVERSE_MASS]
+        batch[VX + k] = seen[i, VELOCITY_X] - seen[j, VELOCITY_X]
+        batch[VY + k] = seen[i, VELOCITY_Y] - seen[j, VELOCITY_Y]
+        batch[VZ + k] = seen[i, VELOCITY_Z] - seen[j, VELOCITY_Z]
+        if spring is not None:
+            ri, rj = batch[RADIUS_I + k], batch[RADIUS_J + k]
+            batch[TX + k] = ri * seen[i, SPIN_X] + rj * seen[j, SPIN_X]
+            batch[TY + k] = ri * seen[i, SPIN_Y] + rj * seen[j, SPIN_Y]
+            batch[TZ + k] = ri * seen[i, SPIN_Z] + rj * seen[j, SPIN_Z]
+            batch[OX + k] = seen[i, SPIN_X] + seen[j, SPIN_X]
+            batch[OY + k] = seen[i, SPIN_Y] + seen[j, SPIN_Y]
+            batch[OZ + k] = seen[i, SPIN_Z] + seen[j, SPIN_Z]
+            batch[SX + k], batch[SY + k], batch[SZ + k] = spring[entry, 0], spring[entry, 1], spring[entry, 2]
+
+
+@kernel
+def resolve_contacts(m: int, batch: Array, spring: Array | None, law: ContactLaw, dt: float) -> None:
+    """Evaluate the contact law of m gathered pairs (paper eqs. (3)–(5)); without springs there is no friction.
+
+    The normal points from j to i. Lever arms r − δ/2 sum to the distance of the centres, in slip and in torque alike,
+    so angular momentum is conserved.
+    """
+    for k in range(m):
+        distance = sqrt(batch[SQUARE + k])
+        nearness = 1.0 / distance
+        overlap = batch[RADIUS_I + k] + batch[RADIUS_J + k] - distance
+        normal = (batch[DX + k] * nearness, batch[DY + k] * nearness, batch[DZ + k] * nearness)
+        nx, ny, nz = normal
+        approach = (batch[VX + k], batch[VY + k], batch[VZ + k])
+        speed = approach[0] * nx + approach[1] * ny + approach[2] * nz
+        reduced = 1.0 / batch[MOBILITY + k]
+        load, lost, share, elapsed, phase = normal_contact(overlap, speed, batch[PHASE + k], reduced, law, dt)
+        batch[PHASE + k] = phase
+        batch[OVERLAP + k] = overlap
+        fx, fy, fz = load * nx, load * ny, load * nz
+        if spring is not None:
+            half = 0.5 * overlap
+            turning = (
+                batch[TX + k] - half * batch[OX + k],
+                batch[TY + k] - half * batch[OY + k],
+                batch[TZ + k] - half * batch[OZ + k],
+            )
+            slip = slip_of(normal, approach, speed, turning)
+            old = (batch[SX + k], batch[SY + k], batch[SZ + k])
+            rub, new, rubbed = tangential_force(normal, slip, old, load, share, reduced, law, dt, elapsed)
+            batch[SX + k], batch[SY + k], batch[SZ + k] = new
+            batch[MX + k], batch[MY + k], batch[MZ + k] = cross(normal, rub)
+            fx, fy, fz = fx + rub[0], fy + rub[1], fz + rub[2]
+            lost += rubbed
+        batch[FX + k], batch[FY + k], batch[FZ + k] = fx, fy, fz
+        batch[LOST + k] = lost
+
+
+@inlined
+def deal_out(
+    m: int,
+    pair: Partners,
+    batch: Array,
+    listed: Neighbors,
+    spring: Array | None,
+    wrench: Array,
+    lost: float,
+    deepest: float,
+) -> tuple[float, float]:
+    """Add the forces of m pairs to their particles, or to the letter box of a partner in another chunk."""
+    for k in range(m):
+        i, entry = pair[k], pair[2 * BATCH + k]
+        j = listed.target[entry]
+        listed.touching[entry] = np.uint8(batch[PHASE + k])
+        lost += batch[LOST + k]
+        smaller = min(batch[RADIUS_I + k], batch[RADIUS_J + k])
+        if batch[OVERLAP + k] > deepest * smaller:
+            deepest = batch[OVERLAP + k] / smaller
+        push = (batch[FX + k], batch[FY + k], batch[FZ + k])
+        for axis in range(3):
+            wrench[i, axis] += push[axis]
+            wrench[j, axis] -= push[axis]
+        if spring is not None:
+            spring[entry, 0], spring[entry, 1], spring[entry, 2] = batch[SX + k], batch[SY + k], batch[SZ + k]
+            moment = (batch[MX + k], batch[MY + k], batch[MZ + k])
+            half = 0.5 * batch[OVERLAP + k]
+            arm_i, arm_j = batch[RADIUS_I + k] - half, batch[RADIUS_J + k] - half
+            for axis in range(3):
+                wrench[i, 3 + axis] -= arm_i * moment[axis]
+                wrench[j, 3 + axis] -= arm_j * moment[axis]
+    return lost, deepest
+
+
+@kernel
+def add_batch(
+    m: int,
+    pair: Partners,
+    batch: Array,
+    seen: Array,
+    listed: Neighbors,
+    spring: Array | None,
+    law: ContactLaw,
+    dt: float,
+    wrench: Array,
+    tally: Array,
+) -> None:
+    """Add the forces of a batch of m touching pairs."""
+    gather(m, pair, seen, listed, spring, batch)
+    resolve_contacts(m, batch, spring, law, dt)
+    tally[0], tally[1] = deal_out(m, pair, batch, listed, spring, wrench, tally[0], tally[1])
 
 
 @kernel
 def add_pair_forces(
     c: int,
-    position: Array,
-    velocity: Array,
-    spin: Array | None,
-    radius: Array,
-    inverse_mass: Array,
+    seen: Array,
     listed: Neighbors,
     spring: Array | None,
     law: ContactLaw,
     dt: float,
-    force: Array,
-    torque: Array | None,
+    wrench: Array,
     tally: Array,
 ) -> None:
-    """Add the contact forces of the pairs of chunk c (paper eqs. (3)–(5)) to `force` (n, 3) N and `torque` (n, 3) N m.
+    """Add the contact forces of the pairs of chunk c to `wrench` (n + boxes, 3 or 6): forces in N, torques in N m.
 
-    The normal points from j to i. Lever arms r − δ/2 sum to the distance of the centres, in slip and in torque alike,
-    so angular momentum is conserved. `tally` (chunks, 2) is added to, its largest overlap raised; what a pair
-    listed by both partners dissipates counts half each time. Spin, spring and torque are None in frictionless scenes.
+    `tally` (chunks, 2) is added to, its largest overlap raised. Without springs (None) there is no friction and no
+    torque.
     """
     begin, end = listed.chunks[c], listed.chunks[c + 1]
-    first, last, partner, touching = listed.first, listed.last, listed.partner, listed.touching
-    lost, deepest = 0.0, tally[c, 1]
-    for i in range(begin, end):
-        for entry in range(first[i], last[i]):
-            j = partner[entry]
-            nx, ny, nz = difference(position, i, j)
-            square = nx * nx + ny * ny + nz * nz
-            reach = radius[i] + radius[j]
-            inside = begin <= j < end
-            count = 1.0 if inside else 0.5
-            if square >= reach * reach:
-                lost += count * part(entry, touching, spring, law)
-                continue
-            distance = sqrt(square)
-            overlap = reach - distance
-            normal = (nx / distance, ny / distance, nz / distance)
-            smaller = min(radius[i], radius[j])
-            if overlap > deepest * smaller:
-                deepest = overlap / smaller
-            approach = difference(velocity, i, j)
-            arm_i, arm_j = radius[i] - 0.5 * overlap, radius[j] - 0.5 * overlap
-            turning = turning_of(spin, i, arm_i, j, arm_j)
-            reduced = 1.0 / (inverse_mass[i] + inverse_mass[j])
-            push, moment, taken = contact_force(
-                entry, overlap, normal, approach, turning, touching, spring, reduced, law, dt
-            )
-            lost += count * taken
-            add_to_row(force, i, 1.0, push)
-            if torque is not None:
-                add_to_row(torque, i, -arm_i, moment)
-            if inside:
-                add_to_row(force, j, -1.0, push)
-                if torque is not None:
-                    add_to_row(torque, j, -arm_j, moment)
-    tally[c, 0] += lost
-    tally[c, 1] = deepest
+    batch = np.empty(QUANTITIES * BATCH)
+    pair = np.empty(3 * BATCH, np.uint32)
+    m = 0
+    for entry in range(listed.first[begin], listed.last[end - 1]):
+        i, j = listed.owner[entry], listed.partner[entry]
+        dx, dy, dz = seen[i, X] - seen[j, X], seen[i, Y] - seen[j, Y], seen[i, Z] - seen[j, Z]
+        radius, other = seen[i, RADIUS], seen[j, RADIUS]
+        square = dx * dx + dy * dy + dz * dz
+        pair[m], pair[BATCH + m], pair[2 * BATCH + m] = i, j, entry
+        batch[DX + m], batch[DY + m], batch[DZ + m], batch[SQUARE + m] = dx, dy, dz, square
+        batch[RADIUS_I + m], batch[RADIUS_J + m] = radius, other
+        near = square < (radius + other) * (radius + other)
+        if listed.touching[entry] != APART and not near:
+            tally[c, 0] += part(entry, listed.touching, spring, law)
+        m += near  # what is not near is overwritten by the next
+        if m == BATCH:
+            add_batch(m, pair, batch, seen, listed, spring, law, dt, wrench, tally[c])
+            m = 0
+    add_batch(m, pair, batch, seen, listed, spring, law, dt, wrench, tally[c])

@@ -1,6 +1,7 @@
 """A run: a generator of snapshots."""
 
 from collections.abc import Iterator
+from math import sqrt
 
 import numpy as np
 
@@ -9,17 +10,18 @@ from sim.energy import Ledger, kinetic_energy, pair_elastic_energy, rotational_e
 from sim.errors import LimitError
 from sim.gravity import potential_energy
 from sim.kernel import Array, threads_for
-from sim.neighbors import cell_grid, empty_neighbors, rebuilt_neighbors, sort_by_cell, without_spring
+from sim.neighbors import cell_grid, empty_neighbors, rebuilt_neighbors, sort_by_cell
 from sim.overlap import deepest_pair, deepest_wall
 from sim.pairs import TALLY
 from sim.scene import Scene
 from sim.start import check_pairs, check_walls, starting_particles
-from sim.state import Snapshot, reordered
+from sim.state import Snapshot, reordered, seen_by_forces
 from sim.timestep import snapshots_in, time_step
 from sim.verlet import Step, Terms, advance, fill_forces
 from sim.walls import BODY_TALLY, no_near_walls, rebuilt_near_walls, wall_speed
 
-SKIN = 0.3  # of the largest diameter: wide enough to keep lists for a hundred steps, thin enough to keep them short
+THINNEST_SKIN, FIRST_SKIN, THICKEST_SKIN = 0.01, 0.1, 0.4  # of the largest diameter
+REBUILD_COST = 2.0  # see `Simulation.skin_for`
 
 
 class Simulation:
@@ -35,20 +37,20 @@ class Simulation:
         self.particles = starting_particles(scene, self.walls)
         check_walls(scene, self.particles, self.walls)
         n, turns = len(self.particles.radius), self.particles.spin is not None
-        self.force = np.zeros((n, 3))
-        self.torque = np.zeros((n, 3)) if turns else None
-        self.step = 0
-        self.listed = empty_neighbors(n, 1, turns)
+        self.seen = seen_by_forces(self.particles)
+        self.step = self.listed_step = 0
+        self.listed = empty_neighbors(n, 1)
+        self.spring = np.zeros((len(self.listed.partner), 3)) if turns else None
         self.near = no_near_walls(n)
         self.wall_spring = np.zeros((0, 3)) if turns else None
-        self.skin = SKIN * 2.0 * float(self.particles.radius.max())
+        self.skin = FIRST_SKIN * 2.0 * float(self.particles.radius.max())
         chunks = len(self.listed.chunks) - 1
         self.tally = np.zeros((chunks, TALLY))
         self.body_tally = np.zeros((chunks, len(scene.walls), BODY_TALLY))
         self.reported = np.zeros((len(scene.walls), BODY_TALLY))
         with threads_for(chunks):
             self.rebuild()
-        check_pairs(scene, self.particles, without_spring(self.listed))
+        check_pairs(scene, self.particles, self.listed)
         self._fill_starting_forces()
 
     def rebuild(self) -> None:
@@ -62,9 +64,13 @@ class Simulation:
         radius = self.particles.radius
         grid = cell_grid(self.particles.position, 2.0 * float(radius.max()) + self.skin)
         order, start = sort_by_cell(self.particles.position, grid)
-        self.particles = reordered(self.particles, order)
+        self.particles, self.seen = reordered(self.particles, order), self.seen[order]
         position, radius = self.particles.position, self.particles.radius
-        self.listed = rebuilt_neighbors(position, radius, order, start, grid, self.skin, self.listed)
+        self.listed, self.spring = rebuilt_neighbors(
+            position, radius, order, start, grid, self.skin, self.listed, self.spring
+        )
+        rows = len(radius) + len(self.listed.receiver)
+        self.wrench = np.zeros((rows, 6 if self.scene.turns else 3))
         self.listed_at = position.copy()
         self.listed_step = self.step
         self.wall_speed = 0.0
@@ -83,15 +89,26 @@ class Simulation:
         drifted = False
         with threads_for(len(self.listed.chunks) - 1):
             while self.step < step:
-                done, drifted = self._advance(step - self.step, drifted)
+                done, drifted, closer = self._advance(step - self.step, drifted)
                 self.step += done
                 if drifted:
                     self.step += 1  # positions and walls already stand at the next step
+                    self.skin = self.skin_for(closer / (self.step - self.listed_step))
                     self.rebuild()
                     self.step -= 1
                 self._check_overlap()
 
-    def _advance(self, steps: int, drifted: bool) -> tuple[int, bool]:
+    def skin_for(self, closing: float) -> float:
+        """Return the skin (m) that costs least where particles close up by `closing` (m) per step.
+
+        A skin of s lengthens the list in proportion to s, and a list lasts s / closing steps: the cost
+        a s + b closing / s is least at sqrt(b/a closing). With lengths in diameters sqrt(b/a) is REBUILD_COST.
+        """
+        diameter = 2.0 * float(self.particles.radius.max())
+        best = REBUILD_COST * sqrt(closing / diameter) if closing >= 0.0 else 0.0
+        return diameter * min(max(best, THINNEST_SKIN), THICKEST_SKIN)
+
+    def _advance(self, steps: int, drifted: bool) -> tuple[int, bool, float]:
         p = self.particles
         limit = self.scene.limits.max_overlap
         return advance(
@@ -102,23 +119,18 @@ class Simulation:
             p.position,
             p.velocity,
             p.spin,
-            p.coming,
-            p.coming_spin,
-            p.radius,
-            p.inverse_mass,
-            self.force,
-            self.torque,
+            self.seen,
+            self.wrench,
+            self.listed,
             self.listed_at,
             self.walls,
-            self.listed.chunks,
             self.tally,
             self._terms(),
         )
 
     def _terms(self) -> Terms:
         return (
-            without_spring(self.listed),
-            self.listed.spring,
+            self.spring,
             self.pair_law,
             self.walls,
             self.near,
@@ -143,9 +155,7 @@ class Simulation:
     def ledger(self) -> tuple[Ledger, float, float]:
         """Return the energies (J), the mean number of contacts of a particle, and the largest overlap (radii)."""
         p = self.particles
-        elastic, pairs, deepest = pair_elastic_energy(
-            p.position, p.radius, without_spring(self.listed), self.listed.spring, self.pair_law
-        )
+        elastic, pairs, deepest = pair_elastic_energy(p.position, p.radius, self.listed, self.spring, self.pair_law)
         contacts = 2.0 * pairs
         if self.walls is not None:
             energy, touches, depth = wall_elastic_energy(
@@ -178,18 +188,14 @@ class Simulation:
 
     def _fill_starting_forces(self) -> None:
         """Set the forces at time zero; over no time, so that nothing slips or is dissipated."""
-        p = self.particles
-        terms = self._terms()
-        fill_forces(
-            0.0, p.position, p.velocity, p.spin, p.radius, p.inverse_mass, self.force, self.torque, *terms
-        )  # fmt: skip
+        fill_forces(0.0, self.seen, self.wrench, self.listed, *self._terms())
 
     def _check_overlap(self) -> None:
         limit = self.scene.limits.max_overlap
         if float(self.tally[:, 1].max()) <= limit:
             return
         p = self.particles
-        overlap, row, other = deepest_pair(p.position, p.radius, without_spring(self.listed))
+        overlap, row, other = deepest_pair(p.position, p.radius, self.listed)
         partner = f"particle {p.id[other]}"
         if self.walls is not None:
             depth, touching, body = deepest_wall(p.position, p.radius, self.walls, self.near)

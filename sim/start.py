@@ -52,8 +52,6 @@ def starting_particles(scene: Scene, walls: Bodies | None) -> Particles:
         np.arange(sum(sizes)),
         np.repeat(np.arange(len(sizes)), sizes),
         spin if scene.turns else None,
-        velocity.copy(),
-        spin.copy() if scene.turns else None,
     )
 
 

@@ -2,7 +2,12 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from sim.kernel import Array, Indices
+
+# columns of the rows that forces see: m, m/s, 1/kg, rad/s, 1/(kg m²)
+X, Y, Z, RADIUS, VELOCITY_X, VELOCITY_Y, VELOCITY_Z, INVERSE_MASS, SPIN_X, SPIN_Y, SPIN_Z, INVERSE_INERTIA = range(12)
 
 
 class Particles(NamedTuple):
@@ -15,8 +20,6 @@ class Particles(NamedTuple):
     id: Indices  # (n,) rank in the scene
     species: Indices  # (n,) index of the scene's `particles` table
     spin: Array | None  # (n, 3) rad/s; absent where nothing turns a particle
-    coming: Array  # (n, 3) m/s, velocity foreseen for the end of the step
-    coming_spin: Array | None  # (n, 3) rad/s
 
 
 class Snapshot(NamedTuple):
@@ -41,15 +44,29 @@ def inertia(particles: Particles) -> Array:
 
 def reordered(particles: Particles, order: Indices) -> Particles:
     """Return the same particles with row k taken from row order[k]."""
-    spin, coming_spin = particles.spin, particles.coming_spin
+    p = particles
+    spin = None if p.spin is None else p.spin[order]
     return Particles(
-        particles.position[order],
-        particles.velocity[order],
-        particles.radius[order],
-        particles.inverse_mass[order],
-        particles.id[order],
-        particles.species[order],
-        None if spin is None else spin[order],
-        particles.coming[order],
-        None if coming_spin is None else coming_spin[order],
+        p.position[order],
+        p.velocity[order],
+        p.radius[order],
+        p.inverse_mass[order],
+        p.id[order],
+        p.species[order],
+        spin,
     )
+
+
+def seen_by_forces(particles: Particles) -> Array:
+    """Return what a force must know of each particle side by side, in one or two lines of the processor's cache.
+
+    Columns X to INVERSE_MASS, and SPIN_X to INVERSE_INERTIA where particles turn: shape (n, 8) or (n, 12). While a run
+    goes on, velocities here are those foreseen for the end of the step.
+    """
+    n = len(particles.radius)
+    columns = [particles.position, particles.radius.reshape(n, 1)]
+    columns += [particles.velocity, particles.inverse_mass.reshape(n, 1)]
+    if particles.spin is not None:
+        inverse_inertia = 2.5 * particles.inverse_mass / particles.radius**2
+        columns += [particles.spin, inverse_inertia.reshape(n, 1)]
+    return np.ascontiguousarray(np.hstack(columns))

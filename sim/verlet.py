@@ -7,11 +7,14 @@ import numpy as np
 from numba import prange
 
 from sim.contact import ContactLaw
-from sim.kernel import Array, Indices, Vector, inlined, parallel_kernel
+from sim.kernel import Array, Indices, Vector, inlined, kernel, parallel_kernel
 from sim.motion import Bodies, move_bodies
 from sim.neighbors import Neighbors
 from sim.pairs import add_pair_forces
+from sim.state import INVERSE_INERTIA, INVERSE_MASS, RADIUS, SPIN_X, VELOCITY_X, X
 from sim.walls import NearWalls, add_wall_forces
+
+OLDEST_LIST = 1000  # steps; particles that hardly move get a new list too, with a thinner skin
 
 
 class Step(NamedTuple):
@@ -25,23 +28,16 @@ class Step(NamedTuple):
     max_overlap: float  # radii
 
 
-# The terms of a scene as `fill_forces` takes them: pairs, their springs and law, walls, the list of near ones, their
+# The terms of a scene as `fill_forces` takes them: springs and law of the pairs, walls, the list of near ones, their
 # springs and law, and what is tallied. A term that is None does not exist in the compiled program.
-Terms = tuple[
-    Neighbors, Array | None, ContactLaw, Bodies | None, NearWalls, Array | None, ContactLaw, Array, Array
-]  # fmt: skip
+Terms = tuple[Array | None, ContactLaw, Bodies | None, NearWalls, Array | None, ContactLaw, Array, Array]
 
 
 @parallel_kernel
 def fill_forces(
     dt: float,
-    position: Array,
-    velocity: Array,
-    spin: Array | None,
-    radius: Array,
-    inverse_mass: Array,
-    force: Array,
-    torque: Array | None,
+    seen: Array,
+    wrench: Array,
     listed: Neighbors,
     pair_spring: Array | None,
     pair_law: ContactLaw,
@@ -52,84 +48,126 @@ def fill_forces(
     tally: Array,
     body_tally: Array,
 ) -> None:
-    """Set force (n, 3) N and torque (n, 3) N m to the sum of all contact terms."""
+    """Add all contact terms to `wrench` (n + boxes, 3 or 6), N and N m."""
     chunks = listed.chunks
     for c in prange(chunks.shape[0] - 1):
-        force[chunks[c] : chunks[c + 1]] = 0.0
-        if torque is not None:
-            torque[chunks[c] : chunks[c + 1]] = 0.0
-        bulk = (position, velocity, spin, radius, inverse_mass)
-        add_pair_forces(c, *bulk, listed, pair_spring, pair_law, dt, force, torque, tally)
+        add_pair_forces(c, seen, listed, pair_spring, pair_law, dt, wrench, tally)
         if walls is not None:
-            add_wall_forces(c, *bulk, chunks, walls, near, wall_spring, wall_law, dt, force, torque, tally, body_tally)
+            add_wall_terms(c, seen, chunks, walls, near, wall_spring, wall_law, dt, wrench, tally, body_tally)
+
+
+@kernel
+def add_wall_terms(
+    c: int,
+    seen: Array,
+    chunks: Indices,
+    walls: Bodies,
+    near: NearWalls,
+    spring: Array | None,
+    law: ContactLaw,
+    dt: float,
+    wrench: Array,
+    tally: Array,
+    body_tally: Array,
+) -> None:
+    """Hand the columns of `seen` and `wrench` to the walls."""
+    position, velocity = seen[:, X : X + 3], seen[:, VELOCITY_X : VELOCITY_X + 3]
+    radius, inverse_mass, force = seen[:, RADIUS], seen[:, INVERSE_MASS], wrench[:, :3]
+    if spring is None:
+        add_wall_forces(
+            c, position, velocity, None, radius, inverse_mass, chunks, walls, near, None, law, dt, force, None, tally,
+            body_tally,
+        )  # fmt: skip
+    else:
+        add_wall_forces(
+            c, position, velocity, seen[:, SPIN_X : SPIN_X + 3], radius, inverse_mass, chunks, walls, near, spring, law,
+            dt, force, wrench[:, 3:], tally, body_tally,
+        )  # fmt: skip
 
 
 @inlined
-def half_kick(
-    i: int,
-    half: float,
+def empty_boxes(c: int, listed: Neighbors, wrench: Array) -> None:
+    """Add what the pairs of other chunks owe to the particles of chunk c, and empty its letter boxes."""
+    n = listed.first.shape[0]
+    for box in range(listed.boxes[c], listed.boxes[c + 1]):
+        for column in range(wrench.shape[1]):
+            wrench[listed.receiver[box], column] += wrench[n + box, column]
+            wrench[n + box, column] = 0.0
+
+
+@kernel
+def kick_chunk(
+    c: int,
+    dt: float,
     gravity: Vector | None,
     velocity: Array,
     spin: Array | None,
-    radius: Array,
-    inverse_mass: Array,
-    force: Array,
-    torque: Array | None,
-    kicked: Array,
-    kicked_spin: Array | None,
+    seen: Array,
+    wrench: Array,
+    listed: Neighbors,
 ) -> None:
-    """Put into row i what velocity and spin are half a step later: dv = (F/m + g) dt/2, dω = T/I dt/2 (paper (1), (2)).
+    """Kick the particles of chunk c by half a step: dv = (F/m + g) dt/2, dω = T/I dt/2 (paper eqs. (1), (2))."""
+    empty_boxes(c, listed, wrench)
+    half = 0.5 * dt
+    for i in range(listed.chunks[c], listed.chunks[c + 1]):
+        for axis in range(3):
+            gained = seen[i, INVERSE_MASS] * wrench[i, axis]
+            if gravity is not None:
+                gained += gravity[axis]
+            velocity[i, axis] += half * gained
+            if spin is not None:
+                spin[i, axis] += half * (seen[i, INVERSE_INERTIA] * wrench[i, 3 + axis])
 
-    The results may be the arguments themselves.
-    """
-    for axis in range(3):
-        gained = inverse_mass[i] * force[i, axis]
-        if gravity is not None:
-            gained += gravity[axis]
-        kicked[i, axis] = velocity[i, axis] + half * gained
-        if spin is not None and torque is not None and kicked_spin is not None:
-            inverse_inertia = 2.5 * inverse_mass[i] / (radius[i] * radius[i])
-            kicked_spin[i, axis] = spin[i, axis] + half * inverse_inertia * torque[i, axis]
 
-
-@parallel_kernel
-def drift(
+@kernel
+def drift_chunk(
+    c: int,
     kicks: int,
     dt: float,
     gravity: Vector | None,
     position: Array,
     velocity: Array,
     spin: Array | None,
-    coming: Array,
-    coming_spin: Array | None,
-    radius: Array,
-    inverse_mass: Array,
-    force: Array,
-    torque: Array | None,
-    chunks: Indices,
+    seen: Array,
+    wrench: Array,
+    listed: Neighbors,
     listed_at: Array,
 ) -> float:
-    """Kick by `kicks` half steps and move by a step; return how far (m) any particle is from where it was listed.
+    """Kick the particles of chunk c by `kicks` half steps and move them by a step; empty their wrench.
 
-    `coming` and `coming_spin` (n, 3) become what velocity and spin will be at the end of the step if accelerations
-    last: the forces are evaluated with them.
+    Returns the square of how far (m) any of them is from where it was listed. In `seen` velocities become what they
+    will be at the end of the step if accelerations last: forces are evaluated with them.
     """
-    travel = np.zeros(chunks.shape[0] - 1)
+    empty_boxes(c, listed, wrench)
     half = 0.5 * dt
-    for c in prange(chunks.shape[0] - 1):
-        farthest = 0.0
-        for i in range(chunks[c], chunks[c + 1]):
-            for _ in range(kicks):
-                half_kick(i, half, gravity, velocity, spin, radius, inverse_mass, force, torque, velocity, spin)
-            half_kick(i, half, gravity, velocity, spin, radius, inverse_mass, force, torque, coming, coming_spin)
-            moved = 0.0
+    farthest = 0.0
+    for i in range(listed.chunks[c], listed.chunks[c + 1]):
+        moved = 0.0
+        for axis in range(3):
+            gained = seen[i, INVERSE_MASS] * wrench[i, axis]
+            if gravity is not None:
+                gained += gravity[axis]
+            now = velocity[i, axis] + half * gained
+            if kicks == 2:
+                now += half * gained
+            velocity[i, axis] = now
+            seen[i, VELOCITY_X + axis] = now + half * gained
+            position[i, axis] += dt * now
+            seen[i, X + axis] = position[i, axis]
+            moved += (position[i, axis] - listed_at[i, axis]) ** 2
+            wrench[i, axis] = 0.0
+        if spin is not None:
             for axis in range(3):
-                position[i, axis] += dt * velocity[i, axis]
-                moved += (position[i, axis] - listed_at[i, axis]) ** 2
-            if moved > farthest or moved != moved:  # not a number stays, and stops the run
-                farthest = moved
-        travel[c] = farthest
-    return sqrt(travel.max())
+                gained = seen[i, INVERSE_INERTIA] * wrench[i, 3 + axis]
+                now = spin[i, axis] + half * gained
+                if kicks == 2:
+                    now += half * gained
+                spin[i, axis] = now
+                seen[i, SPIN_X + axis] = now + half * gained
+                wrench[i, 3 + axis] = 0.0
+        if moved > farthest or moved != moved:  # not a number stays, and stops the run
+            farthest = moved
+    return farthest
 
 
 @parallel_kernel
@@ -141,43 +179,43 @@ def advance(
     position: Array,
     velocity: Array,
     spin: Array | None,
-    coming: Array,
-    coming_spin: Array | None,
-    radius: Array,
-    inverse_mass: Array,
-    force: Array,
-    torque: Array | None,
+    seen: Array,
+    wrench: Array,
+    listed: Neighbors,
     listed_at: Array,
     walls: Bodies | None,
-    chunks: Indices,
     tally: Array,
     terms: Terms,
-) -> tuple[int, bool]:
-    """Do up to `steps` steps of half kick, drift, forces, half kick; return how many, and whether the list is stale.
+) -> tuple[int, bool, float]:
+    """Do up to `steps` steps of half kick, drift, forces, half kick.
 
+    Returns how many, whether the list is stale, and how far (m) its particles have moved towards each other or a wall.
     Returns early when a particle may have left its listed neighbourhood: positions are then drifted and the next call
     begins with the forces (`drifted`); or when the largest overlap in `tally` passes the limit.
     """
     done = 0
     kicks = 1  # the second half kick of a step and the first of the next are done in one sweep
+    chunks = listed.chunks.shape[0] - 1
+    travel = np.zeros(chunks)
+    closer = 0.0
     while done < steps:
         if not drifted:
-            moved = drift(
-                kicks, step.dt, gravity, position, velocity, spin, coming, coming_spin, radius, inverse_mass, force,
-                torque, chunks, listed_at,
-            )  # fmt: skip
+            for c in prange(chunks):
+                travel[c] = drift_chunk(
+                    c, kicks, step.dt, gravity, position, velocity, spin, seen, wrench, listed, listed_at
+                )
             if walls is not None:
                 move_bodies(walls, (step.number + done + 1) * step.dt)
-            walls_moved = step.wall_speed * step.dt * (step.number + done + 1 - step.listed)
-            if not (2.0 * moved <= step.skin and moved + walls_moved <= step.skin):
-                return done, True
+            moved, age = sqrt(travel.max()), step.number + done + 1 - step.listed
+            closer = max(2.0 * moved, moved + step.wall_speed * step.dt * age)
+            if not closer <= step.skin or age >= OLDEST_LIST:
+                return done, True, closer
         drifted = False
-        fill_forces(step.dt, position, coming, coming_spin, radius, inverse_mass, force, torque, *terms)
+        fill_forces(step.dt, seen, wrench, listed, *terms)
         kicks = 2
         done += 1
         if tally[:, 1].max() > step.max_overlap:
             break
-    half = 0.5 * step.dt
-    for i in prange(position.shape[0]):
-        half_kick(i, half, gravity, velocity, spin, radius, inverse_mass, force, torque, velocity, spin)
-    return done, False
+    for c in prange(chunks):
+        kick_chunk(c, step.dt, gravity, velocity, spin, seen, wrench, listed)
+    return done, False, closer
