@@ -4,7 +4,7 @@ from math import pi
 
 import numpy as np
 
-from sim.contact import ContactLaw, contact_law
+from sim.law import ContactLaw, contact_law
 from sim.errors import InputError
 from sim.kernel import Array
 from sim.motion import FIXED, MOTION_PARAMETERS, OSCILLATING, ROTATING, TRANSLATING, Bodies, move_bodies, rotation_about
@@ -24,7 +24,32 @@ def law_of(contact: Contact) -> ContactLaw:
         contact.friction,
         contact.tangential_stiffness_ratio,
         contact.tangential_damping_ratio,
+        contact.attraction,
+        rolling_constants(contact),
     )
+
+
+def rolling_constants(contact: Contact) -> tuple[float, float, float]:
+    """Return μ_r, k_r / R*² = 2.25 k μ_r² (0: a constant moment) and the share of critical damping."""
+    if contact.rolling is None:
+        return 0.0, 0.0, 0.0
+    friction = contact.rolling.friction
+    if contact.rolling.model == "constant":
+        return friction, 0.0, 0.0
+    return friction, 2.25 * contact.stiffness * friction**2, contact.rolling.damping
+
+
+def laws_of(scene: Scene) -> Array | None:
+    """Return the constants of every pair of species, shape (species, species, constants); None where all are equal."""
+    if not scene.pair_contact:
+        return None
+    names = scene.species
+    laws = np.zeros((len(names), len(names), len(ContactLaw._fields)))
+    laws[:] = law_of(scene.contact)
+    for table in scene.pair_contact:
+        i, j = (names.index(name) for name in table.between)
+        laws[i, j] = laws[j, i] = law_of(table)
+    return laws
 
 
 def direction(field: str, vector: tuple[float, float, float]) -> Array:

@@ -10,6 +10,7 @@ from sim.simulation import Simulation
 
 TUPLES = ("particles", "listed", "near")
 ARRAYS = ("seen", "wrench", "spring", "wall_spring", "listed_at", "tally", "body_tally", "reported")
+ARRAYS += ("impacts", "wall_impacts", "reported_impacts")
 NUMBERS = ("step", "listed_step", "wall_speed", "skin")
 
 

@@ -5,10 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.contact import ContactLaw
-from sim.kernel import Array, difference, kernel
+from sim.law import ContactLaw, law_between
+from sim.contact import spring_energy
+from sim.kernel import Array, Indices, kernel
 from sim.motion import Bodies
-from sim.neighbors import Neighbors
+from sim.neighbors import Neighbors, separation
+from sim.pairs import reduced_radius
 from sim.state import Particles, inertia, mass
 from sim.walls import NearWalls, wall_distance
 
@@ -31,23 +33,30 @@ class Ledger(NamedTuple):
 
 @kernel
 def pair_elastic_energy(
-    position: Array, radius: Array, listed: Neighbors, spring: Array | None, law: ContactLaw
+    position: Array,
+    radius: Array,
+    species: Indices,
+    listed: Neighbors,
+    spring: Array | None,
+    law: ContactLaw,
+    laws: Array | None,
 ) -> tuple[float, float, float]:
     """Energy of all pair springs (J), number of touching pairs, largest overlap in radii."""
     energy, contacts, deepest = 0.0, 0.0, 0.0
     for i in range(radius.shape[0]):
         for entry in range(listed.first[i], listed.last[i]):
             j = listed.partner[entry]
-            dx, dy, dz = difference(position, i, j)
+            dx, dy, dz = separation(position, i, j, listed, entry)
             overlap = radius[i] + radius[j] - sqrt(dx * dx + dy * dy + dz * dz)
             if overlap <= 0.0:
                 continue
+            if laws is not None:
+                law = law_between(laws, species[i], species[j])
             contacts += 1.0
             deepest = max(deepest, overlap / min(radius[i], radius[j]))
             energy += 0.5 * law.stiffness * overlap**2
             if spring is not None:
-                for axis in range(3):
-                    energy += 0.5 * law.tangential_stiffness * spring[entry, axis] ** 2
+                energy += spring_energy(entry, spring, law, reduced_radius(radius[i], radius[j]))
     return energy, contacts, deepest
 
 
@@ -67,8 +76,7 @@ def wall_elastic_energy(
             deepest = max(deepest, overlap / radius[i])
             energy += 0.5 * law.stiffness * overlap**2
             if spring is not None:
-                for axis in range(3):
-                    energy += 0.5 * law.tangential_stiffness * spring[entry, axis] ** 2
+                energy += spring_energy(entry, spring, law, radius[i])
     return energy, contacts, deepest
 
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Flags = NDArray[np.uint8]
+Images = NDArray[np.int8]
 Vector = tuple[float, float, float]
 Partners = NDArray[np.uint32]  # unsigned: numba then leaves out the code for negative indices
 

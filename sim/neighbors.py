@@ -12,9 +12,20 @@ from typing import NamedTuple
 import numpy as np
 from numba import prange
 
-from sim.kernel import Array, Flags, Indices, Partners, inlined, kernel, parallel_kernel
+from sim.cells import CellGrid, around, cell_number, cell_of, wrapped
+from sim.kernel import (
+    Array,
+    Flags,
+    Images,
+    Indices,
+    Partners,
+    Vector,
+    difference,
+    inlined,
+    kernel,
+    parallel_kernel,
+)
 
-BLOCK = 4  # cells per side of a block; blocks are numbered in turn, so that a chunk is compact in space
 PARTICLES_PER_CHUNK = 2500  # fewer, larger chunks list fewer pairs twice
 FEWEST_TO_SHARE = 1000  # particles; below it a second thread gains nothing
 MOST_CHUNKS = 64
@@ -32,15 +43,8 @@ class Neighbors(NamedTuple):
     target: Partners  # (capacity,) the partner itself, or n + letter box where it is in another chunk
     boxes: Indices  # (chunks + 1,) first letter box of each receiving chunk
     receiver: Partners  # (boxes,) particle whose letter box it is
-
-
-class CellGrid(NamedTuple):
-    """Cubic cells over the bounding box of the particles, numbered block by block."""
-
-    lowest: Array  # (3,) m
-    inverse_size: float  # 1/m
-    cells: Indices  # (3,)
-    blocks: Indices  # (3,)
+    image: Images  # (capacity, 3) periods from the partner to its nearest image; no rows where nothing repeats
+    period: Array  # (3,) m
 
 
 def chunk_bounds(n: int) -> Indices:
@@ -51,7 +55,7 @@ def chunk_bounds(n: int) -> Indices:
     return np.linspace(0, n, chunks + 1).astype(np.int64)
 
 
-def empty_neighbors(n: int, region: int) -> Neighbors:
+def empty_neighbors(n: int, region: int, period: Array) -> Neighbors:
     """Return a list without entries that has room for `region` of them in every chunk."""
     chunks = chunk_bounds(n)
     capacity = region * (len(chunks) - 1)
@@ -65,53 +69,31 @@ def empty_neighbors(n: int, region: int) -> Neighbors:
         target=np.zeros(capacity, np.uint32),
         boxes=np.zeros(len(chunks), np.int64),
         receiver=np.zeros(0, np.uint32),
+        image=np.zeros((capacity if period.any() else 0, 3), np.int8),
+        period=period,
     )
 
 
-def cell_grid(position: Array, cutoff: float) -> CellGrid:
-    """Lay cells no smaller than the cutoff (m) over the particles, and no more than a few per particle."""
-    lowest, extent = position.min(axis=0), np.ptp(position, axis=0)
-    size = cutoff
-    while np.prod(np.floor(extent / size) + 1.0) > 8.0 * len(position) + 64.0:
-        size *= 1.5  # few particles far apart: a larger cell is slower to search but bounded in memory
-    cells = np.floor(extent / size).astype(np.int64) + 1
-    return CellGrid(lowest, 1.0 / size, cells, -(-cells // BLOCK))
+@inlined
+def images_between(d: float, axis: int, period: Array) -> int:
+    """Periods between a particle and the nearest image of another, a distance d (m) away along an axis."""
+    return floor(d / period[axis] + 0.5) if period[axis] > 0.0 else 0
 
 
 @inlined
-def cell_number(ix: int, iy: int, iz: int, blocks: Indices) -> int:
-    """Return the number of a cell: its block's, then its place within the block."""
-    block: int = ((iz // BLOCK) * blocks[1] + iy // BLOCK) * blocks[0] + ix // BLOCK
-    return ((block * BLOCK + iz % BLOCK) * BLOCK + iy % BLOCK) * BLOCK + ix % BLOCK
+def nearest_image(dx: float, dy: float, dz: float, listed: Neighbors, entry: int) -> Vector:
+    """Take the vector (m) from a partner to a particle to the partner's nearest image."""
+    image, period = listed.image, listed.period
+    return dx - image[entry, 0] * period[0], dy - image[entry, 1] * period[1], dz - image[entry, 2] * period[2]
 
 
 @inlined
-def cell_of(x: float, y: float, z: float, grid: CellGrid) -> tuple[int, int, int]:
-    """Return the three indices of the cell that holds a point (m)."""
-    ix = floor((x - grid.lowest[0]) * grid.inverse_size)
-    iy = floor((y - grid.lowest[1]) * grid.inverse_size)
-    iz = floor((z - grid.lowest[2]) * grid.inverse_size)
-    return min(ix, grid.cells[0] - 1), min(iy, grid.cells[1] - 1), min(iz, grid.cells[2] - 1)
-
-
-@kernel
-def sort_by_cell(position: Array, grid: CellGrid) -> tuple[Indices, Indices]:
-    """Return the order of the particles by cell, shape (n,), and where each cell begins in it, shape (cells + 1,)."""
-    n = position.shape[0]
-    start = np.zeros(grid.blocks[0] * grid.blocks[1] * grid.blocks[2] * BLOCK**3 + 1, np.int64)
-    cell = np.empty(n, np.int64)
-    for i in range(n):
-        ix, iy, iz = cell_of(position[i, 0], position[i, 1], position[i, 2], grid)
-        cell[i] = cell_number(ix, iy, iz, grid.blocks)
-        start[cell[i] + 1] += 1
-    for c in range(start.shape[0] - 1):
-        start[c + 1] += start[c]
-    order = np.empty(n, np.int64)
-    filled = start[:-1].copy()
-    for i in range(n):
-        order[filled[cell[i]]] = i
-        filled[cell[i]] += 1
-    return order, start
+def separation(position: Array, i: int, j: int, listed: Neighbors, entry: int) -> Vector:
+    """Vector (m) to particle i from the nearest image of its partner j."""
+    dx, dy, dz = difference(position, i, j)
+    if listed.image.shape[0] > 0:
+        return nearest_image(dx, dy, dz, listed, entry)
+    return dx, dy, dz
 
 
 @inlined
@@ -125,9 +107,49 @@ def place_by_gap(entry: int, beginning: int, j: int, gap: float, partner: Partne
     gaps[entry - beginning] = gap
 
 
+@inlined
+def list_cell(
+    i: int,
+    cell: int,
+    entry: int,
+    full: int,
+    position: Array,
+    radius: Array,
+    inverse_mass: Array,
+    start: Indices,
+    skin: float,
+    listed: Neighbors,
+    gaps: Array,
+) -> int:
+    """List the partners of particle i that are behind it and in this cell; return the next free entry."""
+    wraps = listed.image.shape[0] > 0
+    beginning = listed.first[i]
+    for j in range(max(start[cell], i + 1), start[cell + 1]):
+        dx, dy, dz = difference(position, i, j)
+        if wraps:
+            dx -= images_between(dx, 0, listed.period) * listed.period[0]
+            dy -= images_between(dy, 1, listed.period) * listed.period[1]
+            dz -= images_between(dz, 2, listed.period) * listed.period[2]
+        touch = radius[i] + radius[j]
+        square = dx * dx + dy * dy + dz * dz
+        if square < (touch + skin) * (touch + skin) and inverse_mass[i] + inverse_mass[j] > 0.0:  # not two fixed ones
+            if entry < full:
+                listed.owner[entry] = i
+                place_by_gap(entry, beginning, j, sqrt(square) - touch, listed.partner, gaps)
+            entry += 1
+    return entry
+
+
 @kernel
 def list_chunk(
-    c: int, position: Array, radius: Array, grid: CellGrid, start: Indices, skin: float, listed: Neighbors
+    c: int,
+    position: Array,
+    radius: Array,
+    inverse_mass: Array,
+    grid: CellGrid,
+    start: Indices,
+    skin: float,
+    listed: Neighbors,
 ) -> int:
     """List the pairs of the particles of chunk c; return how many there are, even where its region holds fewer."""
     region = listed.partner.shape[0] // (listed.chunks.shape[0] - 1)
@@ -135,30 +157,29 @@ def list_chunk(
     gaps = np.empty(region)
     for i in range(listed.chunks[c], listed.chunks[c + 1]):
         listed.first[i] = min(entry, full)
-        beginning = entry
-        x, y, z = position[i, 0], position[i, 1], position[i, 2]
-        ix, iy, iz = cell_of(x, y, z, grid)
-        for kz in range(max(iz - 1, 0), min(iz + 2, grid.cells[2])):
-            for ky in range(max(iy - 1, 0), min(iy + 2, grid.cells[1])):
-                for kx in range(max(ix - 1, 0), min(ix + 2, grid.cells[0])):
-                    cell = cell_number(kx, ky, kz, grid.blocks)
-                    for j in range(max(start[cell], i + 1), start[cell + 1]):
-                        dx, dy, dz = x - position[j, 0], y - position[j, 1], z - position[j, 2]
-                        reach = radius[i] + radius[j]
-                        square = dx * dx + dy * dy + dz * dz
-                        if square < (reach + skin) * (reach + skin):
-                            if entry < full:
-                                listed.owner[entry] = i
-                                place_by_gap(entry, beginning, j, sqrt(square) - reach, listed.partner, gaps)
-                            entry += 1
+        ix, iy, iz = cell_of(position[i, 0], position[i, 1], position[i, 2], grid)
+        x0, x1 = around(ix, 0, grid)
+        y0, y1 = around(iy, 1, grid)
+        z0, z1 = around(iz, 2, grid)
+        for kz in range(z0, z1):
+            for ky in range(y0, y1):
+                for kx in range(x0, x1):
+                    cell = cell_number(wrapped(kx, 0, grid), wrapped(ky, 1, grid), wrapped(kz, 2, grid), grid.blocks)
+                    entry = list_cell(
+                        i, cell, entry, full, position, radius, inverse_mass, start, skin, listed, gaps
+                    )
         listed.last[i] = min(entry, full)
+    for e in range(c * region if listed.image.shape[0] > 0 else full, min(entry, full)):
+        for axis in range(3):
+            d = position[listed.owner[e], axis] - position[listed.partner[e], axis]
+            listed.image[e, axis] = images_between(d, axis, listed.period)
     wanted: int = entry - c * region
     return wanted
 
 
 @parallel_kernel
 def fill_neighbors(
-    position: Array, radius: Array, grid: CellGrid, start: Indices, skin: float, listed: Neighbors
+    position: Array, radius: Array, inverse_mass: Array, grid: CellGrid, start: Indices, skin: float, listed: Neighbors
 ) -> Indices:
     """Fill the list with all pairs closer than the sum of radii and skin; return the entries each chunk wanted.
 
@@ -166,7 +187,7 @@ def fill_neighbors(
     """
     wanted = np.zeros(listed.chunks.shape[0] - 1, np.int64)
     for c in prange(wanted.shape[0]):
-        wanted[c] = list_chunk(c, position, radius, grid, start, skin, listed)
+        wanted[c] = list_chunk(c, position, radius, inverse_mass, grid, start, skin, listed)
     return wanted
 
 
@@ -256,6 +277,7 @@ def with_boxes(listed: Neighbors) -> Neighbors:
 def rebuilt_neighbors(
     position: Array,
     radius: Array,
+    inverse_mass: Array,
     order: Indices,
     start: Indices,
     grid: CellGrid,
@@ -266,8 +288,8 @@ def rebuilt_neighbors(
     """Return the list for particles already put in `order`, and its springs, with the contacts of the old list."""
     region = len(old.partner) // (len(old.chunks) - 1)
     while True:
-        new = empty_neighbors(len(radius), region)
-        most = int(fill_neighbors(position, radius, grid, start, skin, new).max())
+        new = empty_neighbors(len(radius), region, grid.period)
+        most = int(fill_neighbors(position, radius, inverse_mass, grid, start, skin, new).max())
         if most <= region:
             break
         region = int(1.25 * most) + 1

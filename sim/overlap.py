@@ -4,7 +4,7 @@ from math import sqrt
 
 from sim.kernel import Array, kernel
 from sim.motion import Bodies
-from sim.neighbors import Neighbors
+from sim.neighbors import Neighbors, separation
 from sim.walls import NearWalls, wall_distance
 
 
@@ -15,11 +15,7 @@ def deepest_pair(position: Array, radius: Array, listed: Neighbors) -> tuple[flo
     for i in range(radius.shape[0]):
         for entry in range(listed.first[i], listed.last[i]):
             j = listed.partner[entry]
-            dx, dy, dz = (
-                position[i, 0] - position[j, 0],
-                position[i, 1] - position[j, 1],
-                position[i, 2] - position[j, 2],
-            )
+            dx, dy, dz = separation(position, i, j, listed, entry)
             gap = sqrt(dx * dx + dy * dy + dz * dz) - radius[i] - radius[j]
             overlap = -gap / min(radius[i], radius[j])
             if overlap > deepest:

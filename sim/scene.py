@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from sim.species import Contact, ParticleTable
+from sim.species import Contact, PairContact, ParticleTable
 from sim.table import Table, Vector, quantity
 from sim.vessel import WallTable
 
@@ -35,6 +35,34 @@ class Limits(Table):
     max_overlap: float = quantity(
         "radii", "largest overlap of a contact; inf lifts the limit", default=0.1, gt=0.0, allow_inf_nan=True
     )
+    max_speed: float | None = quantity(
+        "m/s", "of a particle; absent: a tenth of the smallest radius in a step", default=None, gt=0.0
+    )
+
+
+class Periodic(Table):
+    """Box that repeats: what leaves it on one side comes in on the other."""
+
+    directions: list[Literal["x", "y", "z"]] = quantity("", "in which the box repeats", min_length=1)
+    lowest: Vector = quantity("m", "corner; components in other directions do not matter")
+    highest: Vector = quantity("m", "opposite corner")
+
+    @model_validator(mode="after")
+    def _has_room(self) -> "Periodic":
+        for axis in self.directions:
+            k = "xyz".index(axis)
+            if not self.lowest[k] < self.highest[k]:
+                raise ValueError(f"highest = {list(self.highest)} m must exceed lowest = {list(self.lowest)} m in {axis}")
+        return self
+
+    @property
+    def period(self) -> Vector:
+        """Length of the box in each direction, m; 0 where it does not repeat."""
+        x, y, z = (
+            high - low if axis in self.directions else 0.0
+            for axis, low, high in zip("xyz", self.lowest, self.highest, strict=True)
+        )
+        return x, y, z
 
 
 class Filling(Table):
@@ -61,7 +89,9 @@ class Scene(Table):
     output: Output
     limits: Limits = Limits()
     wall_contact: Contact | None = Field(default=None, description="contact with walls; absent: as between particles")
+    pair_contact: list[PairContact] = Field(default=[])
     gravity: Gravity | None = None
+    periodic: Periodic | None = None
     walls: list[WallTable] = Field(default=[])
     filling: Filling | None = None
     seed: int = quantity("", "of the random packing", default=0, ge=0)
@@ -82,4 +112,24 @@ class Scene(Table):
     @property
     def turns(self) -> bool:
         """Whether anything in the scene can turn a particle or is meant to spin."""
-        return self.contact.friction > 0.0 or (bool(self.walls) and self.law_of_walls.friction > 0.0)
+        return any(contact.friction > 0.0 for contact in self.all_contacts)
+
+    @property
+    def all_contacts(self) -> list[Contact]:
+        """Constants of every kind of contact in the scene."""
+        return [self.contact, *self.pair_contact, *([self.law_of_walls] if self.walls else [])]
+
+    @property
+    def pairs_roll(self) -> bool:
+        """Whether particles resist rolling over each other."""
+        return any(contact.rolling is not None for contact in (self.contact, *self.pair_contact))
+
+    @model_validator(mode="after")
+    def _pair_contacts_name_species(self) -> "Scene":
+        for k, table in enumerate(self.pair_contact):
+            for name in table.between:
+                if name not in self.species:
+                    raise ValueError(
+                        f"pair_contact.{k}.between names {name!r}; the species are {', '.join(map(repr, self.species))}"
+                    )
+        return self

@@ -5,17 +5,19 @@ from math import sqrt
 
 import numpy as np
 
-from sim.assembly import law_of, walls_of
+from sim.assembly import law_of, laws_of, walls_of
 from sim.energy import Ledger, kinetic_energy, pair_elastic_energy, rotational_energy, wall_elastic_energy
 from sim.errors import LimitError
 from sim.gravity import potential_energy
 from sim.kernel import Array, threads_for
-from sim.neighbors import cell_grid, empty_neighbors, rebuilt_neighbors, sort_by_cell
+from sim.cells import cell_grid, sort_by_cell
+from sim.collisions import BINS
+from sim.neighbors import empty_neighbors, rebuilt_neighbors
 from sim.overlap import deepest_pair, deepest_wall
 from sim.pairs import TALLY
 from sim.scene import Scene
 from sim.start import check_pairs, check_walls, starting_particles
-from sim.state import Snapshot, reordered, seen_by_forces
+from sim.state import Snapshot, reordered, seen_by_forces, travelled, wrap_
 from sim.timestep import snapshots_in, time_step
 from sim.verlet import Step, Terms, advance, fill_forces
 from sim.walls import BODY_TALLY, no_near_walls, rebuilt_near_walls, wall_speed
@@ -32,22 +34,28 @@ class Simulation:
         self.dt, self.steps_per_snapshot = time_step(scene)
         self.snapshots = snapshots_in(scene)
         self.gravity = scene.gravity.acceleration if scene.gravity else None
-        self.pair_law, self.wall_law = law_of(scene.contact), law_of(scene.law_of_walls)
+        self.pair_law, self.pair_laws, self.wall_law = law_of(scene.contact), laws_of(scene), law_of(scene.law_of_walls)
+        self.pairs_roll = True if scene.pairs_roll else None
+        self.walls_roll = True if scene.walls and scene.law_of_walls.rolling else None
+        self.period = np.array(scene.periodic.period if scene.periodic else (0.0, 0.0, 0.0))
         self.walls = walls_of(scene)
         self.particles = starting_particles(scene, self.walls)
         check_walls(scene, self.particles, self.walls)
         n, turns = len(self.particles.radius), self.particles.spin is not None
         self.seen = seen_by_forces(self.particles)
         self.step = self.listed_step = 0
-        self.listed = empty_neighbors(n, 1)
-        self.spring = np.zeros((len(self.listed.partner), 3)) if turns else None
+        self.listed = empty_neighbors(n, 1, self.period)
+        self.spring = np.zeros((len(self.listed.partner), 6 if self.pairs_roll else 3)) if turns else None
         self.near = no_near_walls(n)
-        self.wall_spring = np.zeros((0, 3)) if turns else None
+        self.wall_spring = np.zeros((0, 6 if self.walls_roll else 3)) if turns else None
         self.skin = FIRST_SKIN * 2.0 * float(self.particles.radius.max())
         chunks = len(self.listed.chunks) - 1
         self.tally = np.zeros((chunks, TALLY))
         self.body_tally = np.zeros((chunks, len(scene.walls), BODY_TALLY))
         self.reported = np.zeros((len(scene.walls), BODY_TALLY))
+        counts = np.zeros((chunks, BINS)) if scene.output.impacts else None
+        self.impacts, self.wall_impacts = counts, None if counts is None or not scene.walls else counts.copy()
+        self.reported_impacts = None if counts is None else np.zeros((2, BINS))
         with threads_for(chunks):
             self.rebuild()
         check_pairs(scene, self.particles, self.listed)
@@ -62,12 +70,16 @@ class Simulation:
         if not finite.all():
             raise self._stopped(int(np.argmin(finite)), "position is not a number", "lower time.step")
         radius = self.particles.radius
-        grid = cell_grid(self.particles.position, 2.0 * float(radius.max()) + self.skin)
+        self._check_speed()
+        lowest = np.array(self.scene.periodic.lowest) if self.scene.periodic else np.zeros(3)
+        wrap_(self.particles, self.seen, lowest, self.period)
+        grid = cell_grid(self.particles.position, 2.0 * float(radius.max()) + self.skin, lowest, self.period)
         order, start = sort_by_cell(self.particles.position, grid)
         self.particles, self.seen = reordered(self.particles, order), self.seen[order]
-        position, radius = self.particles.position, self.particles.radius
+        p = self.particles
+        position, radius = p.position, p.radius
         self.listed, self.spring = rebuilt_neighbors(
-            position, radius, order, start, grid, self.skin, self.listed, self.spring
+            position, radius, p.inverse_mass, order, start, grid, self.skin, self.listed, self.spring
         )
         rows = len(radius) + len(self.listed.receiver)
         self.wrench = np.zeros((rows, 6 if self.scene.turns else 3))
@@ -76,7 +88,7 @@ class Simulation:
         self.wall_speed = 0.0
         if self.walls is not None:
             self.near, self.wall_spring, least = rebuilt_near_walls(
-                position, radius, self.walls, self.skin, order, self.near, self.wall_spring
+                position, radius, p.inverse_mass, self.walls, self.skin, order, self.near, self.wall_spring
             )
             self.wall_speed = wall_speed(self.walls, position)
             worst = int(np.argmin(least))
@@ -131,13 +143,19 @@ class Simulation:
     def _terms(self) -> Terms:
         return (
             self.spring,
+            self.pairs_roll,
+            None if self.pair_laws is None else self.particles.species,
             self.pair_law,
+            self.pair_laws,
             self.walls,
             self.near,
             self.wall_spring,
+            self.walls_roll,
             self.wall_law,
             self.tally,
             self.body_tally,
+            self.impacts,
+            self.wall_impacts,
         )
 
     def snapshot(self) -> Snapshot:
@@ -145,7 +163,19 @@ class Simulation:
         p = self.particles
         back = np.argsort(p.id)
         spin = None if p.spin is None else p.spin[back]
-        return Snapshot(self.time, p.position[back], p.velocity[back], spin, self.series())
+        position = travelled(p, self.period)[back]
+        return Snapshot(self.time, position, p.velocity[back], spin, self.series(), self._impact_rates())
+
+    def _impact_rates(self) -> Array | None:
+        """Return how many new contacts there were between particles and with walls since the last call, 1/s."""
+        if self.impacts is None or self.reported_impacts is None:
+            return None
+        pairs = self.impacts.sum(axis=0)
+        walls = np.zeros(BINS) if self.wall_impacts is None else self.wall_impacts.sum(axis=0)
+        counts = np.stack([pairs, walls])
+        new = counts - self.reported_impacts
+        self.reported_impacts = counts
+        return np.asarray(new / (self.dt * self.steps_per_snapshot))
 
     @property
     def time(self) -> float:
@@ -165,7 +195,7 @@ class Simulation:
         ledger = Ledger(
             kinetic_energy(p),
             rotational_energy(p),
-            potential_energy(p, self.gravity),
+            potential_energy(p, self.gravity, self.period),
             elastic,
             float(self.tally[:, 0].sum()),
             float(self.body_tally[:, :, 6].sum()),
@@ -190,6 +220,18 @@ class Simulation:
         """Set the forces at time zero; over no time, so that nothing slips or is dissipated."""
         fill_forces(0.0, self.seen, self.wrench, self.listed, *self._terms())
 
+    def _check_speed(self) -> None:
+        """Stop where a particle is faster than the limit (LimitError)."""
+        speed = np.linalg.norm(self.particles.velocity, axis=1)
+        row = int(np.argmax(speed))
+        limit = self.scene.limits.max_speed or 0.1 * float(self.particles.radius.min()) / self.dt
+        if speed[row] > limit:
+            raise self._stopped(
+                row,
+                f"moves at {speed[row]:.4g} m/s (limits.max_speed {limit:.4g} m/s)",
+                "lower time.step or what drives it, or raise the limit",
+            )
+
     def _check_overlap(self) -> None:
         limit = self.scene.limits.max_overlap
         if float(self.tally[:, 1].max()) <= limit:
@@ -209,7 +251,7 @@ class Simulation:
 
     def _stiffness_for(self, overlap: float, limit: float) -> float:
         """Stiffness (N/m) at which the same impact stays within the limit, as overlap ∝ 1/sqrt(k), and a third more."""
-        stiffest = max(self.scene.contact.stiffness, self.scene.law_of_walls.stiffness)
+        stiffest = max(contact.stiffness for contact in self.scene.all_contacts)
         return 1.33 * stiffest * (overlap / limit) ** 2
 
     def _stopped(self, row: int, what: str, remedy: str) -> LimitError:

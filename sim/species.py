@@ -1,5 +1,7 @@
 """What the particles are: species of spheres, and how they touch."""
 
+from typing import Literal
+
 from pydantic import model_validator
 
 from sim.table import Table, Vector, Vectors, quantity
@@ -26,6 +28,14 @@ class ParticleTable(Table):
         return self
 
 
+class Rolling(Table):
+    """Resistance against rolling: a constant moment, or an elastic–plastic spring and dashpot."""
+
+    model: Literal["constant", "elastic-plastic"] = "elastic-plastic"
+    friction: float = quantity("", "μ_r: the moment is at most μ_r R* |F_n|", gt=0.0, le=10.0)
+    damping: float = quantity("", "share of the critical dashpot (elastic-plastic only)", default=0.3, ge=0.0, le=1.0)
+
+
 class Contact(Table):
     """Linear spring, dashpot and slider (paper eqs. (4), (5))."""
 
@@ -36,3 +46,17 @@ class Contact(Table):
     )
     tangential_stiffness_ratio: float = quantity("", "k_t / k", default=1.0, gt=0.0, le=10.0)
     tangential_damping_ratio: float = quantity("", "η_t / η", default=1.0, ge=0.0, le=10.0)
+    attraction: bool = quantity("", "whether the dashpot may attract as a contact ends", default=True)
+    rolling: Rolling | None = None
+
+    @model_validator(mode="after")
+    def _rolling_needs_friction(self) -> "Contact":
+        if self.rolling is not None and not self.friction:
+            raise ValueError("rolling resistance needs friction above 0: without it nothing turns")
+        return self
+
+
+class PairContact(Contact):
+    """Contact between two species, instead of the scene's."""
+
+    between: tuple[str, str] = quantity("", "names of the species; the same twice for a species with itself")

@@ -16,10 +16,11 @@ class Particles(NamedTuple):
     position: Array  # (n, 3) m
     velocity: Array  # (n, 3) m/s
     radius: Array  # (n,) m
-    inverse_mass: Array  # (n,) 1/kg
+    inverse_mass: Array  # (n,) 1/kg; 0 for a fixed particle
     id: Indices  # (n,) rank in the scene
     species: Indices  # (n,) index of the scene's `particles` table
     spin: Array | None  # (n, 3) rad/s; absent where nothing turns a particle
+    image: Indices | None = None  # (n, 3) periods that a particle has travelled; absent where nothing repeats
 
 
 class Snapshot(NamedTuple):
@@ -30,11 +31,13 @@ class Snapshot(NamedTuple):
     velocity: Array  # (n, 3) m/s
     angular_velocity: Array | None  # (n, 3) rad/s
     series: dict[str, float]  # diagnostics of this moment by name: J, N, N m, W; overlaps in radii
+    impacts: Array | None = None  # (2, bins) 1/s, new contacts by energy: of particles, with walls
 
 
 def mass(particles: Particles) -> Array:
-    """Mass of each particle, shape (n,), kg."""
-    return 1.0 / particles.inverse_mass
+    """Mass of each particle that moves, 0 for a fixed one, shape (n,), kg."""
+    free = particles.inverse_mass > 0.0
+    return np.divide(1.0, particles.inverse_mass, out=np.zeros(len(free)), where=free)
 
 
 def inertia(particles: Particles) -> Array:
@@ -46,6 +49,7 @@ def reordered(particles: Particles, order: Indices) -> Particles:
     """Return the same particles with row k taken from row order[k]."""
     p = particles
     spin = None if p.spin is None else p.spin[order]
+    image = None if p.image is None else p.image[order]
     return Particles(
         p.position[order],
         p.velocity[order],
@@ -55,6 +59,24 @@ def reordered(particles: Particles, order: Indices) -> Particles:
         p.species[order],
         spin,
     )
+
+
+def wrap_(particles: Particles, seen: Array, lowest: Array, period: Array) -> None:
+    """Bring particles (and what forces see of them) back into the periodic box, and count the periods travelled."""
+    if particles.image is None:
+        return
+    for axis in np.flatnonzero(period):
+        turns = np.floor((particles.position[:, axis] - lowest[axis]) / period[axis]).astype(np.int64)
+        particles.position[:, axis] -= turns * period[axis]
+        seen[:, X + axis] = particles.position[:, axis]
+        particles.image[:, axis] += turns
+
+
+def travelled(particles: Particles, period: Array) -> Array:
+    """Return where particles would be had they not been brought back into the periodic box, shape (n, 3), m."""
+    if particles.image is None:
+        return particles.position
+    return np.asarray(particles.position + particles.image * period)
 
 
 def seen_by_forces(particles: Particles) -> Array:

@@ -4,7 +4,7 @@ from math import inf, pi, sqrt
 from typing import NamedTuple
 
 from sim.assembly import law_of
-from sim.contact import (
+from sim.law import (
     FEWEST_STEPS_PER_CONTACT,
     NEARLY_ELASTIC,
     STEPS_PER_CONTACT,

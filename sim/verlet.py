@@ -6,12 +6,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import prange
 
-from sim.contact import ContactLaw
+from sim.law import ContactLaw
 from sim.kernel import Array, Indices, Vector, inlined, kernel, parallel_kernel
 from sim.motion import Bodies, move_bodies
 from sim.neighbors import Neighbors
 from sim.pairs import add_pair_forces
-from sim.state import INVERSE_INERTIA, INVERSE_MASS, RADIUS, SPIN_X, VELOCITY_X, X
+from sim.state import INVERSE_INERTIA, INVERSE_MASS, SPIN_X, VELOCITY_X, X
 from sim.walls import NearWalls, add_wall_forces
 
 OLDEST_LIST = 1000  # steps; particles that hardly move get a new list too, with a thinner skin
@@ -28,9 +28,14 @@ class Step(NamedTuple):
     max_overlap: float  # radii
 
 
-# The terms of a scene as `fill_forces` takes them: springs and law of the pairs, walls, the list of near ones, their
-# springs and law, and what is tallied. A term that is None does not exist in the compiled program.
-Terms = tuple[Array | None, ContactLaw, Bodies | None, NearWalls, Array | None, ContactLaw, Array, Array]
+# The terms of a scene as `fill_forces` takes them: springs of the pairs, whether they resist rolling, species, law, laws;
+# walls, the list of near ones, their springs, whether they resist rolling, law; and what is tallied. A term that is None
+# does not exist in the compiled program.
+Terms = tuple[
+    Array | None, bool | None, Indices | None, ContactLaw, Array | None,
+    Bodies | None, NearWalls, Array | None, bool | None, ContactLaw,
+    Array, Array, Array | None, Array | None,
+]  # fmt: skip
 
 
 @parallel_kernel
@@ -40,49 +45,31 @@ def fill_forces(
     wrench: Array,
     listed: Neighbors,
     pair_spring: Array | None,
+    pairs_roll: bool | None,
+    species: Indices | None,
     pair_law: ContactLaw,
+    pair_laws: Array | None,
     walls: Bodies | None,
     near: NearWalls,
     wall_spring: Array | None,
+    walls_roll: bool | None,
     wall_law: ContactLaw,
     tally: Array,
     body_tally: Array,
+    impacts: Array | None,
+    wall_impacts: Array | None,
 ) -> None:
     """Add all contact terms to `wrench` (n + boxes, 3 or 6), N and N m."""
     chunks = listed.chunks
     for c in prange(chunks.shape[0] - 1):
-        add_pair_forces(c, seen, listed, pair_spring, pair_law, dt, wrench, tally)
+        add_pair_forces(
+            c, seen, listed, pair_spring, pairs_roll, species, pair_law, pair_laws, dt, wrench, tally, impacts
+        )
         if walls is not None:
-            add_wall_terms(c, seen, chunks, walls, near, wall_spring, wall_law, dt, wrench, tally, body_tally)
-
-
-@kernel
-def add_wall_terms(
-    c: int,
-    seen: Array,
-    chunks: Indices,
-    walls: Bodies,
-    near: NearWalls,
-    spring: Array | None,
-    law: ContactLaw,
-    dt: float,
-    wrench: Array,
-    tally: Array,
-    body_tally: Array,
-) -> None:
-    """Hand the columns of `seen` and `wrench` to the walls."""
-    position, velocity = seen[:, X : X + 3], seen[:, VELOCITY_X : VELOCITY_X + 3]
-    radius, inverse_mass, force = seen[:, RADIUS], seen[:, INVERSE_MASS], wrench[:, :3]
-    if spring is None:
-        add_wall_forces(
-            c, position, velocity, None, radius, inverse_mass, chunks, walls, near, None, law, dt, force, None, tally,
-            body_tally,
-        )  # fmt: skip
-    else:
-        add_wall_forces(
-            c, position, velocity, seen[:, SPIN_X : SPIN_X + 3], radius, inverse_mass, chunks, walls, near, spring, law,
-            dt, force, wrench[:, 3:], tally, body_tally,
-        )  # fmt: skip
+            add_wall_forces(
+                c, seen, chunks, walls, near, wall_spring, walls_roll, wall_law, dt, wrench, tally, body_tally,
+                wall_impacts,
+            )  # fmt: skip
 
 
 @inlined
@@ -113,7 +100,7 @@ def kick_chunk(
         for axis in range(3):
             gained = seen[i, INVERSE_MASS] * wrench[i, axis]
             if gravity is not None:
-                gained += gravity[axis]
+                gained += gravity[axis] if seen[i, INVERSE_MASS] > 0.0 else 0.0
             velocity[i, axis] += half * gained
             if spin is not None:
                 spin[i, axis] += half * (seen[i, INVERSE_INERTIA] * wrench[i, 3 + axis])
@@ -146,7 +133,7 @@ def drift_chunk(
         for axis in range(3):
             gained = seen[i, INVERSE_MASS] * wrench[i, axis]
             if gravity is not None:
-                gained += gravity[axis]
+                gained += gravity[axis] if seen[i, INVERSE_MASS] > 0.0 else 0.0
             now = velocity[i, axis] + half * gained
             if kicks == 2:
                 now += half * gained

@@ -9,10 +9,26 @@ from typing import NamedTuple
 import numpy as np
 from numba import prange
 
-from sim.contact import ContactLaw, contact_force, part
-from sim.kernel import Array, Flags, Indices, Vector, add_to_row, inlined, kernel, parallel_kernel
+from sim.collisions import count_impact
+from sim.contact import APART, contact_force, part
+from sim.law import ContactLaw
+from sim.kernel import Array, Flags, Indices, Vector, inlined, kernel, parallel_kernel
 from sim.motion import FIXED, ROTATING, Bodies
 from sim.shapes import signed_distance
+from sim.state import (
+    INVERSE_INERTIA,
+    INVERSE_MASS,
+    RADIUS,
+    SPIN_X,
+    SPIN_Y,
+    SPIN_Z,
+    VELOCITY_X,
+    VELOCITY_Y,
+    VELOCITY_Z,
+    X,
+    Y,
+    Z,
+)
 
 BODY_TALLY = 7  # impulse (3), angular impulse about the body's centre (3), work
 
@@ -86,9 +102,8 @@ def list_walls(
         for e in range(old.first[before], old.last[before]):
             if old.surface[e] == s and old.touching[e]:
                 new.touching[entry] = old.touching[e]
-                if new_spring.shape[0] > 0:
-                    for axis in range(3):
-                        new_spring[entry, axis] = old_spring[e, axis]
+                for column in range(old_spring.shape[1]):
+                    new_spring[entry, column] = old_spring[e, column]
         entry += 1
 
 
@@ -118,6 +133,7 @@ def no_near_walls(n: int) -> NearWalls:
 def rebuilt_near_walls(
     position: Array,
     radius: Array,
+    inverse_mass: Array,
     walls: Bodies,
     skin: float,
     order: Indices,
@@ -125,12 +141,13 @@ def rebuilt_near_walls(
     old_spring: Array | None,
 ) -> tuple[NearWalls, Array | None, Array]:
     """Return the list with the contacts of the old one, its springs, and every particle's least distance φ (m)."""
+    radius = np.where(inverse_mass > 0.0, radius, -np.inf)  # a fixed particle takes no notice of walls
     near, least = count_near_walls(position, radius, walls, skin)
     last = np.cumsum(near)
     entries = int(last[-1])
     new = NearWalls(last - near, last, np.zeros(entries, np.int64), np.zeros(entries, np.uint8))
-    none = np.zeros((0, 3))
-    spring = None if old_spring is None else np.zeros((entries, 3))
+    none = np.zeros((0, 0))
+    spring = None if old_spring is None else np.zeros((entries, old_spring.shape[1]))
     fill_near_walls(
         position,
         radius,
@@ -173,6 +190,12 @@ def wall_motion(walls: Bodies, b: int, point: Vector) -> tuple[Vector, Vector]:
 
 
 @inlined
+def body_turn(walls: Bodies, b: int) -> Vector:
+    """Angular velocity of a body, rad/s."""
+    return walls.turn[b, 0], walls.turn[b, 1], walls.turn[b, 2]
+
+
+@inlined
 def tally_body(body_tally: Array, c: int, b: int, dt: float, push: Vector, arm: Vector, wall: Vector) -> None:
     """Count what body b gave to a particle in this step: impulse, angular impulse and work."""
     body_tally[c, b, 0] += push[0] * dt
@@ -187,53 +210,59 @@ def tally_body(body_tally: Array, c: int, b: int, dt: float, push: Vector, arm: 
 @kernel
 def add_wall_forces(
     c: int,
-    position: Array,
-    velocity: Array,
-    spin: Array | None,
-    radius: Array,
-    inverse_mass: Array,
+    seen: Array,
     chunks: Indices,
     walls: Bodies,
     near: NearWalls,
     spring: Array | None,
+    rolls: bool | None,
     law: ContactLaw,
     dt: float,
-    force: Array,
-    torque: Array | None,
+    wrench: Array,
     tally: Array,
     body_tally: Array,
+    impacts: Array | None,
 ) -> None:
     """Add the forces of the walls on the particles of chunk c, and to each body's impulse and work.
 
     `tally` (chunks, 2) collects dissipated energy (J) and the largest overlap in radii; `body_tally`
-    (chunks, bodies, 7) what each body gave to the particles. Spin, spring and torque are None in frictionless scenes.
+    (chunks, bodies, 7) what each body gave to the particles. Without springs (None) there is no friction and no torque,
+    without `rolls` no rolling resistance; with `impacts` (chunks, bins) new contacts are counted by their energy.
     """
     lost, deepest = 0.0, tally[c, 1]
     for i in range(chunks[c], chunks[c + 1]):
         for entry in range(near.first[i], near.last[i]):
             s = near.surface[entry]
-            distance, nx, ny, nz = wall_distance(walls, s, position[i, 0], position[i, 1], position[i, 2])
-            overlap = radius[i] - distance
-            if overlap <= 0.0:
-                lost += part(entry, near.touching, spring, law)
-                continue
-            if overlap > deepest * radius[i]:
-                deepest = overlap / radius[i]
             b = walls.body[s]
+            x, y, z, radius = seen[i, X], seen[i, Y], seen[i, Z], seen[i, RADIUS]
+            distance, nx, ny, nz = wall_distance(walls, s, x, y, z)
+            overlap = radius - distance
+            if overlap <= 0.0:
+                lost += part(entry, near.touching, spring, law, radius)
+                continue
+            deepest = max(deepest, overlap / radius)
             normal = (nx, ny, nz)
-            foot = (position[i, 0] - distance * nx, position[i, 1] - distance * ny, position[i, 2] - distance * nz)
-            arm, wall = wall_motion(walls, b, foot)
-            approach = (velocity[i, 0] - wall[0], velocity[i, 1] - wall[1], velocity[i, 2] - wall[2])
-            turning = (0.0, 0.0, 0.0)
-            if spin is not None:
-                turning = (distance * spin[i, 0], distance * spin[i, 1], distance * spin[i, 2])
-            push, moment, taken = contact_force(
-                entry, overlap, normal, approach, turning, near.touching, spring, 1.0 / inverse_mass[i], law, dt
+            arm, wall = wall_motion(walls, b, (x - distance * nx, y - distance * ny, z - distance * nz))
+            approach = (
+                seen[i, VELOCITY_X] - wall[0],
+                seen[i, VELOCITY_Y] - wall[1],
+                seen[i, VELOCITY_Z] - wall[2],
             )
+            if impacts is not None and near.touching[entry] == APART:
+                speed = approach[0] * nx + approach[1] * ny + approach[2] * nz
+                count_impact(impacts[c], speed, overlap, law.stiffness, 1.0 / seen[i, INVERSE_MASS])
+            spin, mobility = (0.0, 0.0, 0.0), 1.0
+            if spring is not None:
+                spin, mobility = (seen[i, SPIN_X], seen[i, SPIN_Y], seen[i, SPIN_Z]), seen[i, INVERSE_INERTIA]
+            push, torque, taken = contact_force(
+                entry, overlap, normal, approach, spin, body_turn(walls, b), distance, near.touching, spring, rolls,
+                1.0 / seen[i, INVERSE_MASS], mobility, law, dt,
+            )  # fmt: skip
             lost += taken
-            add_to_row(force, i, 1.0, push)
-            if torque is not None:
-                add_to_row(torque, i, -distance, moment)
+            for axis in range(3):
+                wrench[i, axis] += push[axis]
+                if spring is not None:
+                    wrench[i, 3 + axis] += torque[axis]
             tally_body(body_tally, c, b, dt, push, arm, wall)
     tally[c, 0] += lost
     tally[c, 1] = deepest

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from sim import Simulation
-from sim.contact import contact_law, contact_time, normal_contact
+from sim.contact import normal_contact
+from sim.law import contact_law, contact_time
 
 DIAMETER, DENSITY, STIFFNESS = 2e-3, 2500.0, 1e4
 MASS = DENSITY * pi * DIAMETER**3 / 6
