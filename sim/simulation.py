@@ -13,7 +13,7 @@ from sim.neighbors import cell_grid, empty_neighbors, rebuilt_neighbors, sort_by
 from sim.overlap import deepest_pair, deepest_wall
 from sim.pairs import TALLY
 from sim.scene import Scene
-from sim.start import check_pairs, check_walls, starting_particles
+from sim.start import StartState, check_pairs, check_walls, starting_particles
 from sim.state import Snapshot, reordered
 from sim.timestep import snapshots_in, time_step
 from sim.verlet import Step, Terms, advance, fill_forces
@@ -25,14 +25,14 @@ SKIN = 0.3  # of the largest diameter: wide enough to keep lists for a hundred s
 class Simulation:
     """State of a run between two compiled calls."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, start: StartState | None = None) -> None:
         self.scene = scene
         self.dt, self.steps_per_snapshot = time_step(scene)
         self.snapshots = snapshots_in(scene)
         self.gravity = scene.gravity.acceleration if scene.gravity else None
         self.pair_law, self.wall_law = law_of(scene.contact), law_of(scene.law_of_walls)
         self.walls = walls_of(scene)
-        self.particles = starting_particles(scene, self.walls)
+        self.particles = starting_particles(scene, self.walls, start)
         check_walls(scene, self.particles, self.walls)
         n, turns = len(self.particles.radius), self.particles.spin is not None
         self.force = np.zeros((n, 3))

@@ -27,8 +27,8 @@ class TimeLimit(NamedTuple):
 
 
 def particle_mass(table: ParticleTable) -> float:
-    """Mass of one sphere of a species, kg."""
-    return table.density * pi * table.diameter**3 / 6.0
+    """Mass of the smallest sphere that a species can have, kg."""
+    return table.density * pi * table.smallest**3 / 6.0
 
 
 def contact_limits(term: str, contact: Contact, reduced_mass: float) -> list[TimeLimit]:
@@ -55,7 +55,8 @@ def time_limits(scene: Scene) -> list[TimeLimit]:
     """Return what every term of a scene allows; the lightest particles bind."""
     lightest = min(particle_mass(table) for table in scene.particles)
     limits = []
-    if sum(table.count or len(table.position or ()) for table in scene.particles) > 1 or not scene.walls:
+    alone = [table.number for table in scene.particles] == [1]
+    if not alone or not scene.walls:
         limits += contact_limits("contact between particles", scene.contact, lightest / 2.0)
     if scene.walls:
         limits += contact_limits("contact with walls", scene.law_of_walls, lightest)
