@@ -27,7 +27,6 @@ class Output(Table):
 
     interval: float = quantity("s", "between snapshots", gt=0.0)
     precision: Literal["single", "double"] = "single"
-    impacts: bool = quantity("", "whether new contacts are counted by their energy", default=False)
 
 
 class Limits(Table):

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from sim.assembly import law_of, walls_of
+from sim.diagnostics import diagnostics
 from sim.energy import Ledger, kinetic_energy, pair_elastic_energy, rotational_energy, wall_elastic_energy
 from sim.errors import LimitError
 from sim.gravity import potential_energy
@@ -167,6 +168,7 @@ class Simulation:
         ledger, coordination, overlap = self.ledger()
         series = {f"energy.{name}": value for name, value in ledger._asdict().items()}
         series |= {"energy.balance": ledger.balance, "coordination": coordination, "max_overlap": overlap}
+        series |= diagnostics(self.scene, self.particles, without_spring(self.listed), self.walls, self.near)
         totals = self.body_tally.sum(axis=0)
         elapsed = self.dt * self.steps_per_snapshot
         for table, given in zip(self.scene.walls, (totals - self.reported) / elapsed, strict=True):

@@ -28,7 +28,12 @@ class TimeLimit(NamedTuple):
 
 def particle_mass(table: ParticleTable) -> float:
     """Mass of the smallest sphere that a species can have, kg."""
-    return table.density * pi * table.smallest**3 / 6.0
+    return sphere_mass(table, table.smallest)
+
+
+def sphere_mass(table: ParticleTable, diameter: float) -> float:
+    """Mass of a sphere of a species, of this diameter (m), kg."""
+    return table.density * pi * diameter**3 / 6.0
 
 
 def contact_limits(term: str, contact: Contact, reduced_mass: float) -> list[TimeLimit]:

@@ -17,6 +17,7 @@ import numba
 from sim import LimitError, Scene, Simulation, parse_scene
 from sim.assembly import walls_of
 from sim.checkpoint import restore_, state_of
+from sim.collisions import impact_energy_edges
 from sim.filling import solid_fraction
 from sim.kernel import most_threads
 from suffice.checkpoint import read_checkpoint, remove_checkpoint, write_checkpoint
@@ -99,7 +100,7 @@ def simulate_to(
     """
     scene = changed_scene(text, source, until, seed, home)
     check_place(path)
-    _use_threads(threads)
+    use_threads(threads)
     with only_writer(path):
         return _simulate(text, scene, path, reporter, resume)
 
@@ -143,7 +144,8 @@ def _cost(path: Path, simulation: Simulation, steps: int, seconds: float) -> dic
     }
 
 
-def _use_threads(threads: int | None) -> None:
+def use_threads(threads: int | None) -> None:
+    """Compute on so many threads from now on; Refusal where this machine has fewer."""
     most = most_threads()
     if threads is not None:
         if not 1 <= threads <= most:
@@ -186,6 +188,7 @@ def _new_writer(path: Path, text: str, simulation: Simulation) -> RunWriter:
         variables=variables,
         precision=simulation.scene.output.precision,
         series=sorted(first.series),
+        impact_energy=None if first.impacts is None else impact_energy_edges(),
         provenance=provenance_of(text, simulation.scene),
     )
     _append(writer, simulation)
@@ -195,7 +198,7 @@ def _new_writer(path: Path, text: str, simulation: Simulation) -> RunWriter:
 def _append(writer: RunWriter, simulation: Simulation) -> None:
     now = simulation.snapshot()
     values = {name: getattr(now, name) for name in writer.variables}
-    writer.append(now.time, values, now.series)
+    writer.append(now.time, values, now.series, now.impacts)
 
 
 @contextmanager
