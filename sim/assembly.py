@@ -4,9 +4,9 @@ from math import pi
 
 import numpy as np
 
-from sim.law import ContactLaw, contact_law
 from sim.errors import InputError
 from sim.kernel import Array
+from sim.law import ContactLaw, contact_law
 from sim.motion import FIXED, MOTION_PARAMETERS, OSCILLATING, ROTATING, TRANSLATING, Bodies, move_bodies, rotation_about
 from sim.scene import Scene
 from sim.shapes import BOX, CYLINDER, PARAMETERS, PLANE, TUBE

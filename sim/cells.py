@@ -11,7 +11,7 @@ BLOCK = 4  # cells per side of a block; blocks are numbered in turn, so that a c
 
 
 class CellGrid(NamedTuple):
-    """Cells over the bounding box of the particles, over the whole period where they repeat, numbered block by block."""
+    """Cells over the bounding box of the particles, or the period where they repeat, numbered block by block."""
 
     lowest: Array  # (3,) m
     inverse_size: Array  # (3,) 1/m
@@ -49,7 +49,8 @@ def cell_number(ix: int, iy: int, iz: int, blocks: Indices) -> int:
 def cell_along(x: float, axis: int, grid: CellGrid) -> int:
     """Return the index along an axis of the cell that holds a coordinate (m)."""
     index = floor((x - grid.lowest[axis]) * grid.inverse_size[axis])
-    return max(min(index, grid.cells[axis] - 1), 0)
+    inside: int = max(min(index, grid.cells[axis] - 1), 0)
+    return inside
 
 
 @inlined
@@ -71,9 +72,10 @@ def around(index: int, axis: int, grid: CellGrid) -> tuple[int, int]:
 @inlined
 def wrapped(index: int, axis: int, grid: CellGrid) -> int:
     """Index of the cell that one beyond the ends of a periodic axis stands for."""
+    cells: int = grid.cells[axis]
     if index < 0:
-        return index + grid.cells[axis]
-    return index - grid.cells[axis] if index >= grid.cells[axis] else index
+        return index + cells
+    return index - cells if index >= cells else index
 
 
 @kernel

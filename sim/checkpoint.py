@@ -9,8 +9,9 @@ from sim.motion import move_bodies
 from sim.simulation import Simulation
 
 TUPLES = ("particles", "listed", "near")
-ARRAYS = ("seen", "wrench", "spring", "wall_spring", "listed_at", "tally", "body_tally", "reported")
-ARRAYS += ("impacts", "wall_impacts", "reported_impacts")
+ARRAYS = ("seen", "wrench", "spring", "wall_spring", "listed_at", "tally", "body_tally", "reported",
+    "impacts", "wall_impacts", "reported_impacts",
+)  # fmt: skip
 NUMBERS = ("step", "listed_step", "wall_speed", "skin")
 
 

@@ -60,8 +60,8 @@ def contact_force(
     """Return the force of a contact with a wall in N, its torque in N m, and the energy dissipated this step in J.
 
     `approach` is the velocity of the centre against the wall's surface (m/s), `spin` that of the particle and `turn`
-    that of the wall (rad/s), `arm` the particle's lever (m), `mobility` its 1/I. Phase and springs of the list's entry are
-    brought up to date; without springs (None) there is no friction, without `rolls` no moment against rolling.
+    that of the wall (rad/s), `arm` the particle's lever (m), `mobility` its 1/I. Phase and springs of the list's entry
+    are brought up to date; without springs (None) there is no friction, without `rolls` no moment against rolling.
     """
     nx, ny, nz = normal
     speed = approach[0] * nx + approach[1] * ny + approach[2] * nz

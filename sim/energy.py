@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.law import ContactLaw, law_between
 from sim.contact import spring_energy
 from sim.kernel import Array, Indices, kernel
+from sim.law import ContactLaw, law_between
 from sim.motion import Bodies
 from sim.neighbors import Neighbors, separation
 from sim.pairs import reduced_radius

@@ -19,11 +19,11 @@ def slider(
 ) -> tuple[Vector, Vector, float]:
     """Return the force of a spring, a dashpot and a slider in the contact plane, the new spring, and what they take.
 
-    Trial F* = −k s − c v; where |F*| exceeds the limit the force is that long, and the spring is reset so that −k s − c v
-    equals it. The spring grows by the trapezoidal rule: half a step of this rate now and half a step for the next
-    moment, but by the time in contact, `elapsed` (s), where that is less than a step. It is first turned into the
-    present contact plane without changing its length. Slip (m/s) makes forces (N), rolling (rad/s) moments (N m); the
-    energy dissipated in this step is in J.
+    Trial F* = −k s − c v; where |F*| exceeds the limit the force is that long, and the spring is reset so that
+    −k s − c v equals it. The spring grows by the trapezoidal rule: half a step of this rate now and half a step for
+    the next moment, but by the time in contact, `elapsed` (s), where that is less than a step. It is first turned into
+    the present contact plane without changing its length. Slip (m/s) makes forces (N), rolling (rad/s) moments (N m);
+    the energy dissipated in this step is in J.
     """
     nx, ny, nz = normal
     vx, vy, vz = rate

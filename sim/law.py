@@ -38,8 +38,9 @@ def contact_law(
 ) -> ContactLaw:
     """Return the law whose rebound has the given restitution.
 
-    η = 2 ζ sqrt(k m*), with m* the reduced mass of the pair (paper eq. (5), see docs/notation.md); tangential spring and
-    dashpot are the given multiples of the normal ones. `rolling` holds friction, k_r / R*² and share of critical damping.
+    η = 2 ζ sqrt(k m*), with m* the reduced mass of the pair (paper eq. (5), see docs/notation.md); tangential spring
+    and dashpot are the given multiples of the normal ones. `rolling` holds friction, k_r / R*² and the share of
+    critical damping.
     """
     damping = 2.0 * damping_ratio(restitution, attracts) * sqrt(stiffness)
     least = -inf if attracts else 0.0

@@ -165,9 +165,7 @@ def list_chunk(
             for ky in range(y0, y1):
                 for kx in range(x0, x1):
                     cell = cell_number(wrapped(kx, 0, grid), wrapped(ky, 1, grid), wrapped(kz, 2, grid), grid.blocks)
-                    entry = list_cell(
-                        i, cell, entry, full, position, radius, inverse_mass, start, skin, listed, gaps
-                    )
+                    entry = list_cell(i, cell, entry, full, position, radius, inverse_mass, start, skin, listed, gaps)
         listed.last[i] = min(entry, full)
     for e in range(c * region if listed.image.shape[0] > 0 else full, min(entry, full)):
         for axis in range(3):

@@ -3,41 +3,22 @@
 import numpy as np
 
 from sim.errors import InputError
+from sim.filling import Region
 from sim.kernel import Array
 from sim.motion import Bodies
-from sim.scene import Scene
-from sim.vessel import Box, Cylinder
+from sim.spreading import spread
 from sim.walls import count_near_walls
 
-MOST_SITES = 64  # per particle, so that a few particles in a large box cost little
-CLEARANCE = 1e-3  # of a diameter, kept between neighbouring sites
-
-
-def bounds(scene: Scene) -> tuple[Array, Array]:
-    """Return the corners (m) of the box in which particles may be placed.
-
-    The scene's own filling box, or the bounds of the first closed wall that holds particles.
-    """
-    if scene.filling is not None:
-        return np.array(scene.filling.lowest), np.array(scene.filling.highest)
-    for wall in scene.walls:
-        for shape in wall.shapes:
-            if isinstance(shape, Box) and shape.particles == "inside":
-                return np.array(shape.lowest), np.array(shape.highest)
-            if isinstance(shape, Cylinder) and shape.particles == "inside" and shape.length is not None:
-                axis = np.array(shape.axis) / np.linalg.norm(shape.axis)
-                half = shape.radius * np.sqrt(1.0 - axis**2) + 0.5 * shape.length * np.abs(axis)
-                return np.array(shape.centre) - half, np.array(shape.centre) + half
-    raise InputError(
-        "particles.count: no wall encloses the particles, so there is no place to pack them; "
-        "add a table [filling] with lowest and highest in m, or give their positions"
-    )
+CLEARANCE = 1e-3  # of a diameter, kept between neighbouring sites of a close packing
+DENSEST_AT_RANDOM = 0.64  # volume fraction; nothing beyond is tried at random
+MOST_DRAWS = 200  # of places for all spheres that are still within a wall
+REMOVED = 0.02  # of the spheres at a time, to find out how many fit
 
 
 def close_packed_sites(lowest: Array, highest: Array, spacing: float) -> Array:
     """Sites of a hexagonal close packing with this distance (m) of neighbours inside a box, shape (sites, 3)."""
     rise = np.array([spacing, spacing * np.sqrt(3.0) / 2.0, spacing * np.sqrt(2.0 / 3.0)])
-    counts = np.floor((highest - lowest) / rise).astype(int) + 2
+    counts = np.maximum(np.floor((highest - lowest) / rise).astype(int) + 2, 0)
     i, j, k = np.meshgrid(*(np.arange(c) for c in counts), indexing="ij")
     x = spacing * (i + 0.5 * ((j + k) % 2))
     y = rise[1] * (j + (k % 2) / 3.0)
@@ -45,57 +26,91 @@ def close_packed_sites(lowest: Array, highest: Array, spacing: float) -> Array:
     return sites[(sites <= highest).all(axis=1)]
 
 
-def free_sites(lowest: Array, highest: Array, spacing: float, radius: float, walls: Bodies | None) -> Array:
-    """Sites at least a radius (m) from the faces of the box and from every wall."""
-    sites = close_packed_sites(lowest + radius, highest - radius, spacing)
+def free_sites(region: Region, radius: float, walls: Bodies | None) -> Array:
+    """Sites of the tightest packing at least a radius (m) from the faces of the box and from every wall."""
+    sites = close_packed_sites(region.lowest + radius, region.highest - radius, 2.0 * radius * (1.0 + CLEARANCE))
     if walls is None or not len(sites):
         return sites
     _, least = count_near_walls(sites, np.full(len(sites), radius), walls, 0.0)
     return sites[least > radius]
 
 
-def pack(scene: Scene, walls: Bodies | None, rng: np.random.Generator) -> Array:
-    """Place all counted particles of a scene at random, shape (count, 3) m, in the order of its tables.
+def pack(
+    region: Region, walls: Bodies | None, radius: Array, given: tuple[Array, Array], rng: np.random.Generator
+) -> Array:
+    """Place spheres of these radii (n,) m at random in a region, shape (n, 3) m, clear of each other and of walls.
 
-    The widest close packing that has room for all of them is shaken within its gaps; spheres of several sizes all get
-    the room of the largest. Raises InputError where not even the tightest packing has room.
+    `given` are centres and radii of spheres that stand there already. Spheres are thrown in and pushed apart; where
+    that does not end and all are of one size, they are put on sites of a close packing. Raises InputError with the
+    number that fits where that is less.
     """
-    wanted = sum(table.count or 0 for table in scene.particles)
-    if not wanted:
+    n = len(radius)
+    if n == 0:
         return np.zeros((0, 3))
-    lowest, highest = bounds(scene)
-    diameter = max(table.diameter for table in scene.particles if table.count)
-    tightest = diameter * (1.0 + CLEARANCE)
-    low = max(tightest, (np.sqrt(2.0) * np.prod(highest - lowest) / (MOST_SITES * wanted)) ** (1.0 / 3.0))
-    sites = free_sites(lowest, highest, low, diameter / 2.0, walls)
-    if len(sites) < wanted and low > tightest:  # most of the box is wall: try again with every site there is
-        low, sites = tightest, free_sites(lowest, highest, tightest, diameter / 2.0, walls)
-    if len(sites) < wanted:
-        raise InputError(
-            f"particles.count = {wanted}: only {len(sites)} spheres of {diameter:g} m fit between the walls without "
-            "overlap; lower the count, or enlarge the vessel or the [filling] box"
-        )
-    high = float(np.ptp(np.stack([lowest, highest]), axis=0).max())
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        trial = free_sites(lowest, highest, middle, diameter / 2.0, walls)
-        if len(trial) >= wanted:
-            low, sites = middle, trial
-        else:
-            high = middle
-    chosen = sites[np.sort(rng.permutation(len(sites))[:wanted])]
-    moved = np.clip(_shift(chosen, low - tightest, rng), lowest + diameter / 2.0, highest - diameter / 2.0)
-    return rng.permutation(_unless_touching(walls, moved, chosen, diameter / 2.0))
+    others = within(region, *given)
+    held = (np.arange(n + len(others[1])) >= n).astype(np.uint8)
+    crowded = 4.0 / 3.0 * np.pi * float(np.sum(radius**3)) / region.volume > DENSEST_AT_RANDOM
+    if not crowded:
+        start = np.concatenate([thrown(region, walls, radius, rng), others[0]])
+        done = spread(start, np.concatenate([radius, others[1]]), held, walls, region.lowest, region.highest)
+        if done.overlap.max() <= 0.0:
+            return done.position[:n]
+    sites = np.zeros((0, 3))
+    if np.ptp(radius) == 0.0 and not held.any():
+        sites = free_sites(region, float(radius[0]), walls)
+        if len(sites) >= n:
+            return rng.permutation(sites)[:n]
+    fits = max(number_that_fits(region, walls, radius, others, rng), len(sites))
+    low, high = 2.0 * radius.min(), 2.0 * radius.max()
+    raise InputError(
+        f"particles: only about {fits} of {n} spheres of {low:g}{f' to {high:g}' if low < high else ''} m fit between "
+        "the walls without overlap; ask for fewer, or enlarge the vessel or the [filling] box"
+    )
 
 
-def _shift(sites: Array, gap: float, rng: np.random.Generator) -> Array:
-    """Displace sites at random by less than half the gap (m) between them."""
-    return np.asarray(sites + rng.uniform(-1.0, 1.0, sites.shape) * max(gap, 0.0) / (2.0 * np.sqrt(3.0)))
+def within(region: Region, position: Array, radius: Array) -> tuple[Array, Array]:
+    """Return those spheres that reach into the box of a region."""
+    reach = radius[:, None]
+    inside = ((position > region.lowest - reach) & (position < region.highest + reach)).all(axis=1)
+    return position[inside], radius[inside]
 
 
-def _unless_touching(walls: Bodies | None, moved: Array, sites: Array, radius: float) -> Array:
-    """Take the moved sites, but where one would touch a wall the site itself."""
-    if walls is None:
-        return moved
-    _, least = count_near_walls(moved, np.full(len(moved), radius), walls, 0.0)
-    return np.where((least > radius)[:, None], moved, sites)
+def thrown(region: Region, walls: Bodies | None, radius: Array, rng: np.random.Generator) -> Array:
+    """Return a random place for every sphere that touches no wall, whatever other spheres are there; (n, 3) m.
+
+    Raises InputError where a sphere finds none.
+    """
+    position = np.empty((len(radius), 3))
+    left = np.arange(len(radius))
+    for _ in range(MOST_DRAWS):
+        low, high = region.lowest + radius[left, None], region.highest - radius[left, None]
+        position[left] = low + rng.uniform(size=(len(left), 3)) * (high - low)
+        least = np.full(len(left), np.inf)
+        if walls is not None:
+            least = count_near_walls(position[left], radius[left], walls, 0.0)[1]
+        left = left[(least < radius[left]) | (low > high).any(axis=1)]
+        if not len(left):
+            return position
+    raise InputError(
+        f"particles: no place between the walls was found for a sphere of {2.0 * radius[left].max():g} m; "
+        "lower its diameter, or enlarge the vessel or the [filling] box"
+    )
+
+
+def number_that_fits(
+    region: Region, walls: Bodies | None, radius: Array, others: tuple[Array, Array], rng: np.random.Generator
+) -> int:
+    """Return about how many of the spheres can be spread out, found by taking out the most crowded ones."""
+    share = 4.0 / 3.0 * np.pi * float(np.sum(radius**3)) / region.volume
+    kept = rng.permutation(radius)[: int(len(radius) * min(1.0, DENSEST_AT_RANDOM / share))]
+    position = thrown(region, walls, kept, rng)
+    while len(kept):
+        held = (np.arange(len(kept) + len(others[1])) >= len(kept)).astype(np.uint8)
+        start, sizes = np.concatenate([position, others[0]]), np.concatenate([kept, others[1]])
+        done = spread(start, sizes, held, walls, region.lowest, region.highest)
+        if done.overlap.max() <= 0.0:
+            break
+        overlap = done.overlap[: len(kept)]
+        stays = np.sort(np.argsort(overlap)[: len(kept) - max(1, int(REMOVED * len(kept)))])
+        position, kept = done.position[stays], kept[stays]
+    return len(kept)

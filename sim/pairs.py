@@ -14,7 +14,20 @@ from sim.friction import cross, rolling_moment, slip_of, tangential_force
 from sim.kernel import Array, Indices, Partners, inlined, kernel
 from sim.law import ContactLaw, law_between
 from sim.neighbors import Neighbors, nearest_image
-from sim.state import INVERSE_INERTIA, INVERSE_MASS, RADIUS, SPIN_X, SPIN_Y, SPIN_Z, VELOCITY_X, VELOCITY_Y, VELOCITY_Z, X, Y, Z
+from sim.state import (
+    INVERSE_INERTIA,
+    INVERSE_MASS,
+    RADIUS,
+    SPIN_X,
+    SPIN_Y,
+    SPIN_Z,
+    VELOCITY_X,
+    VELOCITY_Y,
+    VELOCITY_Z,
+    X,
+    Y,
+    Z,
+)
 
 TALLY = 2  # of a chunk: dissipated energy (J), largest overlap in radii
 BATCH = 64  # contacts; small enough for the fastest cache
@@ -27,7 +40,7 @@ FX, FY, FZ, MX, MY, MZ, OVERLAP, LOST = range(20 * BATCH, 28 * BATCH, BATCH)
 # rolling: relative spin, its spring, 1/I of both; and the moment
 WX, WY, WZ, AX, AY, AZ, TURNABILITY, RX, RY, RZ = range(28 * BATCH, 38 * BATCH, BATCH)
 QUANTITIES = 38
-I, J, ENTRY, SPECIES_I, SPECIES_J = range(0, 5 * BATCH, BATCH)  # and of whom
+FIRST, SECOND, ENTRY, SPECIES_I, SPECIES_J = range(0, 5 * BATCH, BATCH)  # and of whom
 
 
 @inlined
@@ -49,7 +62,7 @@ def gather(
 ) -> None:
     """Gather what the contact law needs of m touching pairs besides their distance."""
     for k in range(m):
-        i, j, entry = pair[I + k], pair[J + k], pair[ENTRY + k]
+        i, j, entry = pair[FIRST + k], pair[SECOND + k], pair[ENTRY + k]
         batch[PHASE + k] = listed.touching[entry]
         batch[MOBILITY + k] = seen[i, INVERSE_MASS] + seen[j, INVERSE_MASS]
         batch[VX + k] = seen[i, VELOCITY_X] - seen[j, VELOCITY_X]
@@ -151,7 +164,7 @@ def deal_out(
 ) -> tuple[float, float]:
     """Add the forces of m pairs to their particles, or to the letter box of a partner in another chunk."""
     for k in range(m):
-        i, entry = pair[I + k], pair[ENTRY + k]
+        i, entry = pair[FIRST + k], pair[ENTRY + k]
         j = listed.target[entry]
         if impacts is not None and listed.touching[entry] == APART:
             if laws is not None:
@@ -206,9 +219,7 @@ def add_batch(
     """Add the forces of a batch of m touching pairs."""
     gather(m, pair, seen, listed, spring, rolls, species, batch)
     resolve_contacts(m, pair, batch, spring, rolls, law, laws, dt)
-    tally[0], tally[1] = deal_out(
-        m, pair, batch, listed, spring, rolls, impacts, law, laws, wrench, tally[0], tally[1]
-    )
+    tally[0], tally[1] = deal_out(m, pair, batch, listed, spring, rolls, impacts, law, laws, wrench, tally[0], tally[1])
 
 
 @kernel
@@ -246,7 +257,7 @@ def add_pair_forces(
             dx, dy, dz = nearest_image(dx, dy, dz, listed, entry)
         radius, other = seen[i, RADIUS], seen[j, RADIUS]
         square = dx * dx + dy * dy + dz * dz
-        pair[I + m], pair[J + m], pair[ENTRY + m] = i, j, entry
+        pair[FIRST + m], pair[SECOND + m], pair[ENTRY + m] = i, j, entry
         batch[DX + m], batch[DY + m], batch[DZ + m], batch[SQUARE + m] = dx, dy, dz, square
         batch[RADIUS_I + m], batch[RADIUS_J + m] = radius, other
         near = square < (radius + other) * (radius + other)
@@ -256,8 +267,6 @@ def add_pair_forces(
             own[0] += part(entry, listed.touching, spring, law, reduced_radius(radius, other))
         m += near  # what is not near is overwritten by the next
         if m == BATCH:
-            add_batch(
-                m, pair, batch, seen, listed, spring, rolls, species, law, laws, dt, wrench, own, counted
-            )
+            add_batch(m, pair, batch, seen, listed, spring, rolls, species, law, laws, dt, wrench, own, counted)
             m = 0
     add_batch(m, pair, batch, seen, listed, spring, rolls, species, law, laws, dt, wrench, own, counted)

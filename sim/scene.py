@@ -27,6 +27,7 @@ class Output(Table):
 
     interval: float = quantity("s", "between snapshots", gt=0.0)
     precision: Literal["single", "double"] = "single"
+    impacts: bool = quantity("", "whether new contacts are counted by their energy", default=False)
 
 
 class Limits(Table):
@@ -52,7 +53,9 @@ class Periodic(Table):
         for axis in self.directions:
             k = "xyz".index(axis)
             if not self.lowest[k] < self.highest[k]:
-                raise ValueError(f"highest = {list(self.highest)} m must exceed lowest = {list(self.lowest)} m in {axis}")
+                raise ValueError(
+                    f"highest = {list(self.highest)} m must exceed lowest = {list(self.lowest)} m in {axis}"
+                )
         return self
 
     @property
@@ -80,6 +83,13 @@ class Filling(Table):
         return self
 
 
+class Start(Table):
+    """Snapshot of another run that this one starts from: positions, velocities and spins, at a time zero of its own."""
+
+    run: str = quantity("", "file of the run, beside the scene or by its whole path", min_length=1)
+    time: float | None = quantity("s", "of the snapshot; absent: the last", default=None, ge=0.0)
+
+
 class Scene(Table):
     """A granular flow, complete."""
 
@@ -94,6 +104,7 @@ class Scene(Table):
     periodic: Periodic | None = None
     walls: list[WallTable] = Field(default=[])
     filling: Filling | None = None
+    start: Start | None = Field(default=None, description="absent: counted particles are packed at random")
     seed: int = quantity("", "of the random packing", default=0, ge=0)
 
     @model_validator(mode="after")
@@ -103,6 +114,21 @@ class Scene(Table):
             if name in names[:k]:
                 raise ValueError(f"walls.{k}.name = {name!r} is taken by walls.{names.index(name)}; give another")
         return self
+
+    @model_validator(mode="after")
+    def _species_have_their_own_names(self) -> "Scene":
+        names = self.species
+        for k, name in enumerate(names):
+            if name in names[:k]:
+                raise ValueError(
+                    f"particles.{k}.name = {name!r} is taken by particles.{names.index(name)}; give another"
+                )
+        return self
+
+    @property
+    def species(self) -> list[str]:
+        """Names of the species, in the order of the tables."""
+        return [table.name or f"species {k}" for k, table in enumerate(self.particles)]
 
     @property
     def law_of_walls(self) -> Contact:

@@ -6,17 +6,18 @@ from math import sqrt
 import numpy as np
 
 from sim.assembly import law_of, laws_of, walls_of
+from sim.cells import cell_grid, sort_by_cell
+from sim.collisions import BINS
+from sim.diagnostics import diagnostics
 from sim.energy import Ledger, kinetic_energy, pair_elastic_energy, rotational_energy, wall_elastic_energy
 from sim.errors import LimitError
 from sim.gravity import potential_energy
 from sim.kernel import Array, threads_for
-from sim.cells import cell_grid, sort_by_cell
-from sim.collisions import BINS
 from sim.neighbors import empty_neighbors, rebuilt_neighbors
 from sim.overlap import deepest_pair, deepest_wall
 from sim.pairs import TALLY
 from sim.scene import Scene
-from sim.start import check_pairs, check_walls, starting_particles
+from sim.start import StartState, check_pairs, check_walls, starting_particles
 from sim.state import Snapshot, reordered, seen_by_forces, travelled, wrap_
 from sim.timestep import snapshots_in, time_step
 from sim.verlet import Step, Terms, advance, fill_forces
@@ -29,7 +30,7 @@ REBUILD_COST = 2.0  # see `Simulation.skin_for`
 class Simulation:
     """State of a run between two compiled calls."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, start: StartState | None = None) -> None:
         self.scene = scene
         self.dt, self.steps_per_snapshot = time_step(scene)
         self.snapshots = snapshots_in(scene)
@@ -39,7 +40,7 @@ class Simulation:
         self.walls_roll = True if scene.walls and scene.law_of_walls.rolling else None
         self.period = np.array(scene.periodic.period if scene.periodic else (0.0, 0.0, 0.0))
         self.walls = walls_of(scene)
-        self.particles = starting_particles(scene, self.walls)
+        self.particles = starting_particles(scene, self.walls, start)
         check_walls(scene, self.particles, self.walls)
         n, turns = len(self.particles.radius), self.particles.spin is not None
         self.seen = seen_by_forces(self.particles)
@@ -185,7 +186,9 @@ class Simulation:
     def ledger(self) -> tuple[Ledger, float, float]:
         """Return the energies (J), the mean number of contacts of a particle, and the largest overlap (radii)."""
         p = self.particles
-        elastic, pairs, deepest = pair_elastic_energy(p.position, p.radius, self.listed, self.spring, self.pair_law)
+        elastic, pairs, deepest = pair_elastic_energy(
+            p.position, p.radius, p.species, self.listed, self.spring, self.pair_law, self.pair_laws
+        )
         contacts = 2.0 * pairs
         if self.walls is not None:
             energy, touches, depth = wall_elastic_energy(
@@ -207,6 +210,7 @@ class Simulation:
         ledger, coordination, overlap = self.ledger()
         series = {f"energy.{name}": value for name, value in ledger._asdict().items()}
         series |= {"energy.balance": ledger.balance, "coordination": coordination, "max_overlap": overlap}
+        series |= diagnostics(self.scene, self.particles, self.listed, self.walls, self.near)
         totals = self.body_tally.sum(axis=0)
         elapsed = self.dt * self.steps_per_snapshot
         for table, given in zip(self.scene.walls, (totals - self.reported) / elapsed, strict=True):

@@ -1,17 +1,19 @@
 """The first moment: particles where the scene puts them, and what is refused there."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from sim.errors import InputError
-from sim.kernel import Array
+from sim.filling import numbers_of, region_of
+from sim.kernel import Array, Indices
 from sim.motion import Bodies
 from sim.neighbors import Neighbors
 from sim.overlap import deepest_pair
 from sim.packing import pack
 from sim.scene import Scene
-from sim.species import ParticleTable
+from sim.sizes import drawn_diameters
 from sim.state import Particles
-from sim.timestep import particle_mass
 from sim.walls import count_near_walls, wall_distance
 
 
@@ -20,23 +22,48 @@ def _rows(value: object, n: int) -> Array:
     return np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), (n, 3)))
 
 
-def _size(table: ParticleTable) -> int:
-    return table.count or len(table.position or ())
+class StartState(NamedTuple):
+    """A moment of another run, particles in its scene's order."""
+
+    position: Array  # (n, 3) m
+    velocity: Array  # (n, 3) m/s
+    angular_velocity: Array | None  # (n, 3) rad/s
+    radius: Array  # (n,) m
+    species: Indices  # (n,)
 
 
-def starting_particles(scene: Scene, walls: Bodies | None) -> Particles:
+def starting_particles(scene: Scene, walls: Bodies | None, start: StartState | None = None) -> Particles:
     """Return the particles of a scene in the order of its tables; counted ones are packed between the walls.
 
-    Raises InputError where spins are given but nothing in the scene could change them.
+    A `start` takes the place of the packing, and of the positions, velocities and spins of the tables. Raises
+    InputError where spins are given but nothing in the scene could change them, or where `start` has other particles.
     """
-    packed = pack(scene, walls, np.random.default_rng(scene.seed))
-    sizes = [_size(table) for table in scene.particles]
-    position = []
-    for table in scene.particles:
-        rows = packed[: table.count] if table.count else np.array(table.position)
-        packed = packed[table.count or 0 :]
-        position.append(rows)
-    columns = list(zip(scene.particles, sizes, strict=True))
+    if scene.start is not None and start is None:
+        raise InputError(
+            f"start.run = {scene.start.run!r}: only `suffice simulate` reads runs; "
+            "in Python, give Simulation(scene, start=StartState(...))"
+        )
+    if start is not None:
+        check_start(scene, start)
+        spin = start.angular_velocity if start.angular_velocity is not None else np.zeros_like(start.position)
+        return _particles(scene, start.position, start.velocity, spin, start.radius, start.species)
+    return _placed(scene, walls)
+
+
+def _placed(scene: Scene, walls: Bodies | None) -> Particles:
+    """Particles where the tables put them, and packed ones between the walls."""
+    rng = np.random.default_rng(scene.seed)
+    numbers = numbers_of(scene, walls)
+    species = np.repeat(np.arange(len(numbers)), numbers)
+    columns = list(zip(scene.particles, numbers, strict=True))
+    radius = np.concatenate([drawn_diameters(table, n, rng) / 2.0 for table, n in columns])
+    given = np.repeat([table.position is not None for table in scene.particles], numbers)
+    position = np.empty((len(radius), 3))
+    rows = [row for table in scene.particles for row in table.position or ()]
+    position[given] = np.array(rows).reshape(-1, 3)
+    if not given.all():
+        stand = (position[given], radius[given])
+        position[~given] = pack(region_of(scene, walls), walls, radius[~given], stand, rng)
     spin = np.concatenate([_rows(table.angular_velocity, n) for table, n in columns])
     if spin.any() and not scene.turns:
         raise InputError(
@@ -44,15 +71,46 @@ def starting_particles(scene: Scene, walls: Bodies | None) -> Particles:
             "leave it out or add friction"
         )
     velocity = np.concatenate([_rows(table.velocity, n) for table, n in columns])
+    return _particles(scene, position, velocity, spin, radius, species)
+
+
+def _particles(
+    scene: Scene, position: Array, velocity: Array, spin: Array, radius: Array, species: Indices
+) -> Particles:
+    density = np.array([table.density for table in scene.particles])[species]
+    fixed = np.array([table.fixed for table in scene.particles])[species]
     return Particles(
-        np.concatenate(position),
-        velocity,
-        np.repeat([table.diameter / 2.0 for table in scene.particles], sizes),
-        np.repeat([1.0 / particle_mass(table) for table in scene.particles], sizes),
-        np.arange(sum(sizes)),
-        np.repeat(np.arange(len(sizes)), sizes),
-        spin if scene.turns else None,
+        position.copy(),
+        velocity.copy(),
+        radius.copy(),
+        np.where(fixed, 0.0, 1.0 / (density * (4.0 / 3.0) * np.pi * radius**3)),
+        np.arange(len(radius)),
+        species.copy(),
+        spin.copy() if scene.turns else None,
+        np.zeros((len(radius), 3), np.int64) if scene.periodic else None,
     )
+
+
+def check_start(scene: Scene, start: StartState) -> None:
+    """Refuse a start whose species are not as many, as numerous or as large as those of the scene (InputError)."""
+    there = int(start.species.max()) + 1
+    if there > len(scene.particles) or start.species.min() < 0:
+        raise InputError(
+            f"start.run: has {there} species and the scene {len(scene.particles)}; give as many [[particles]]"
+        )
+    for k, table in enumerate(scene.particles):
+        radius = start.radius[start.species == k]
+        if len(radius) != (len(radius) if table.number is None else table.number):
+            raise InputError(
+                f"particles.{k}: {table.number} particles, and start.run has {len(radius)}; give count = {len(radius)}"
+            )
+        low, high = table.smallest * (1.0 - 1e-6), table.largest * (1.0 + 1e-6)  # single precision may have stored them
+        outside = radius[~((2.0 * radius >= low) & (2.0 * radius <= high))]
+        if len(outside):
+            raise InputError(
+                f"particles.{k}.diameter = {table.diameter:g} m: start.run has a sphere of {2.0 * outside[0]:g} m; "
+                "give the diameter, or the distribution, of the run"
+            )
 
 
 def check_walls(scene: Scene, p: Particles, walls: Bodies | None) -> None:

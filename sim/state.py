@@ -31,7 +31,7 @@ class Snapshot(NamedTuple):
     velocity: Array  # (n, 3) m/s
     angular_velocity: Array | None  # (n, 3) rad/s
     series: dict[str, float]  # diagnostics of this moment by name: J, N, N m, W; overlaps in radii
-    impacts: Array | None = None  # (2, bins) 1/s, new contacts by energy: of particles, with walls
+    impacts: Array | None = None  # (2, bins) 1/s since the last one, of pairs and with walls, by energy
 
 
 def mass(particles: Particles) -> Array:
@@ -58,6 +58,7 @@ def reordered(particles: Particles, order: Indices) -> Particles:
         p.id[order],
         p.species[order],
         spin,
+        image,
     )
 
 

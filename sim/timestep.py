@@ -4,6 +4,7 @@ from math import inf, pi, sqrt
 from typing import NamedTuple
 
 from sim.assembly import law_of
+from sim.errors import InputError
 from sim.law import (
     FEWEST_STEPS_PER_CONTACT,
     NEARLY_ELASTIC,
@@ -12,7 +13,6 @@ from sim.law import (
     contact_time,
     tangential_time,
 )
-from sim.errors import InputError
 from sim.scene import Scene
 from sim.species import Contact, ParticleTable
 
@@ -27,8 +27,13 @@ class TimeLimit(NamedTuple):
 
 
 def particle_mass(table: ParticleTable) -> float:
-    """Mass of one sphere of a species, kg."""
-    return table.density * pi * table.diameter**3 / 6.0
+    """Mass of the smallest sphere that a species can have, kg."""
+    return sphere_mass(table, table.smallest)
+
+
+def sphere_mass(table: ParticleTable, diameter: float) -> float:
+    """Mass of a sphere of a species, of this diameter (m), kg."""
+    return table.density * pi * diameter**3 / 6.0
 
 
 def contact_limits(term: str, contact: Contact, reduced_mass: float) -> list[TimeLimit]:
@@ -55,7 +60,8 @@ def time_limits(scene: Scene) -> list[TimeLimit]:
     """Return what every term of a scene allows; the lightest particles bind."""
     lightest = min(particle_mass(table) for table in scene.particles)
     limits = []
-    if sum(table.count or len(table.position or ()) for table in scene.particles) > 1 or not scene.walls:
+    alone = [table.number for table in scene.particles] == [1]
+    if not alone or not scene.walls:
         limits += contact_limits("contact between particles", scene.contact, lightest / 2.0)
     if scene.walls:
         limits += contact_limits("contact with walls", scene.law_of_walls, lightest)

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import prange
 
-from sim.law import ContactLaw
 from sim.kernel import Array, Indices, Vector, inlined, kernel, parallel_kernel
+from sim.law import ContactLaw
 from sim.motion import Bodies, move_bodies
 from sim.neighbors import Neighbors
 from sim.pairs import add_pair_forces
@@ -28,9 +28,9 @@ class Step(NamedTuple):
     max_overlap: float  # radii
 
 
-# The terms of a scene as `fill_forces` takes them: springs of the pairs, whether they resist rolling, species, law, laws;
-# walls, the list of near ones, their springs, whether they resist rolling, law; and what is tallied. A term that is None
-# does not exist in the compiled program.
+# The terms of a scene as `fill_forces` takes them: springs of the pairs, whether they resist rolling, species, law,
+# laws; walls, the list of near ones, their springs, whether they resist rolling, law; what is tallied. A term that is
+# None does not exist in the compiled program.
 Terms = tuple[
     Array | None, bool | None, Indices | None, ContactLaw, Array | None,
     Bodies | None, NearWalls, Array | None, bool | None, ContactLaw,

@@ -11,8 +11,8 @@ from numba import prange
 
 from sim.collisions import count_impact
 from sim.contact import APART, contact_force, part
-from sim.law import ContactLaw
 from sim.kernel import Array, Flags, Indices, Vector, inlined, kernel, parallel_kernel
+from sim.law import ContactLaw
 from sim.motion import FIXED, ROTATING, Bodies
 from sim.shapes import signed_distance
 from sim.state import (

@@ -91,18 +91,31 @@ def scenes(name: Annotated[str | None, typer.Argument(help="print this one as TO
 def simulate(
     context: typer.Context,
     scene: Annotated[str, typer.Argument(metavar="SCENE", help="a built-in scene, or a TOML file")],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN")],
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="RUN")] = None,
     until: Annotated[float | None, typer.Option(help="end, s, instead of the scene's")] = None,
     seed: Annotated[int | None, typer.Option(help="of the packing, instead of the scene's")] = None,
     threads: Annotated[int | None, typer.Option(help="default: all")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="go on where an interrupted run stopped")] = False,
+    explain: Annotated[bool, typer.Option("--explain", help="say what it would do and cost, and run nothing")] = False,
     json: Json = None,
 ) -> None:
     """Run a scene: a high-fidelity run with progress, speed, energy and overlap."""
     from sim import scene_text
-    from suffice.simulating import simulate_to
+    from suffice.refusal import Refusal
+    from suffice.simulating import changed_scene, simulate_to, use_threads
     from suffice.tables import show_facts
 
+    if explain:
+        from suffice.explain import explain as explain_scene
+        from suffice.explain import explanation_text
+
+        use_threads(threads)
+        told = explain_scene(changed_scene(scene_text(scene), scene, until, seed))
+        if _tell(told, json):
+            print(explanation_text(scene, told))
+        return
+    if output is None:
+        raise Refusal("simulate needs -o RUN, the file to write; or --explain, which writes none")
     answer = simulate_to(
         scene_text(scene), scene, output, context.obj, until=until, seed=seed, threads=threads, resume=resume
     )
@@ -149,6 +162,7 @@ def info(
 ) -> None:
     """Say what a run or a basis holds and what made it."""
     from suffice.basis_file import read_card
+    from suffice.impacts import impact_facts
     from suffice.results import facts_of
     from suffice.run import Run
     from suffice.tables import show_facts
@@ -156,7 +170,7 @@ def info(
     answer = read_card(file)
     if answer is None:
         with Run(file) as run:
-            answer = {**facts_of(run), "series": sorted(run.series), **run.provenance}
+            answer = {**facts_of(run), "series": sorted(run.series), **impact_facts(run), **run.provenance}
     if _tell(answer, json):
         show_facts(str(file), answer)
 

@@ -27,6 +27,13 @@ class Snapshot(NamedTuple):
     values: Mapping[str, NDArray[Any]]  # (n, 3) on particles, (z, y, x[, 3]) in cells
 
 
+class Impacts(NamedTuple):
+    """Impacts counted by their energy: edges of the bins in J, and how many a second since the snapshot before."""
+
+    energy: NDArray[np.float64]  # (bins + 1,) J
+    rate: NDArray[np.float64]  # (snapshots, 2, bins) 1/s, of pairs and with walls
+
+
 class Run:
     """A run that stands on disk, of which only complete snapshots are seen: `with Run("run.h5") as run: run.times`.
 
@@ -80,6 +87,15 @@ class Run:
                 name: self._dataset(f"{layout.SERIES}/{name}")[: self.n_snapshots]
                 for name in self._names(layout.SERIES)
             }
+
+    @cached_property
+    def impacts(self) -> Impacts | None:
+        """Impacts by their energy, or None where they were not counted."""
+        with _refusing_damage(self.path):
+            if layout.hard_node(self._file, layout.IMPACT_ENERGY) is None:
+                return None
+            rate = self._dataset(layout.IMPACT_RATE)[: self.n_snapshots]
+            return Impacts(self._dataset(layout.IMPACT_ENERGY)[()], rate)
 
     @cached_property
     def provenance(self) -> dict[str, str]:

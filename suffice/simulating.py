@@ -15,20 +15,29 @@ from typing import Any
 import numba
 
 from sim import LimitError, Scene, Simulation, parse_scene
+from sim.assembly import walls_of
 from sim.checkpoint import restore_, state_of
+from sim.collisions import impact_energy_edges
+from sim.filling import solid_fraction
 from sim.kernel import most_threads
 from suffice.checkpoint import read_checkpoint, remove_checkpoint, write_checkpoint
 from suffice.door import InterruptedRunError
 from suffice.lock import only_writer
 from suffice.progress import Reporter
 from suffice.refusal import Refusal
+from suffice.starting import read_start, start_digest
 from suffice.store import Run, RunWriter, check_place
 
 SECONDS_BETWEEN_CHECKPOINTS = 20.0
 
 
-def changed_scene(text: str, source: str, until: float | None = None, seed: int | None = None) -> Scene:
-    """Return the scene of a text, with the end (s) and the seed of its packing replaced where given."""
+def changed_scene(
+    text: str, source: str, until: float | None = None, seed: int | None = None, home: Path | None = None
+) -> Scene:
+    """Return the scene of a text, with the end (s) and the seed of its packing replaced where given.
+
+    The path of a run that it starts from, relative to `home` or to the scene's own folder, becomes one from here.
+    """
     if not (until is None or 0.0 < until < inf):
         raise Refusal(f"--until is {until:g} s; it must be a positive time")
     if not (seed is None or seed >= 0):
@@ -39,6 +48,8 @@ def changed_scene(text: str, source: str, until: float | None = None, seed: int 
         tables["time"]["duration"] = until
     if seed is not None:
         tables["seed"] = seed
+    if scene.start is not None:
+        tables["start"]["run"] = str((home or Path(source).parent) / scene.start.run)
     return Scene.model_validate(tables)
 
 
@@ -55,9 +66,11 @@ def git_revision() -> str:
 
 def provenance_of(text: str, scene: Scene) -> dict[str, str]:
     """Return what made a run: the scene as written and as run, versions and machine."""
+    start = {} if scene.start is None else {"start": scene.start.run}
     return {
         "scene": text,
         "settings": _settings(scene),
+        **start,
         "suffice": version("suffice"),
         "numba": numba.__version__,
         "python": platform.python_version(),
@@ -77,6 +90,7 @@ def simulate_to(
     seed: int | None = None,
     threads: int | None = None,
     resume: bool = False,
+    home: Path | None = None,
 ) -> dict[str, Any]:
     """Run a scene and write it to `path`; return what it cost, in plain types.
 
@@ -84,9 +98,9 @@ def simulate_to(
     happened. Raises InputError or Refusal before anything is written, LimitError when a limit is violated on the way,
     InterruptedRunError when the user stops it; what was written stays readable.
     """
-    scene = changed_scene(text, source, until, seed)
+    scene = changed_scene(text, source, until, seed, home)
     check_place(path)
-    _use_threads(threads)
+    use_threads(threads)
     with only_writer(path):
         return _simulate(text, scene, path, reporter, resume)
 
@@ -96,7 +110,7 @@ def _simulate(text: str, scene: Scene, path: Path, reporter: Reporter, resume: b
     state = read_checkpoint(path) if resume else None
     stands = _snapshots_that_stand(path, text, scene) if resume else 0
     began = time.monotonic()
-    simulation = Simulation(scene)
+    simulation = Simulation(scene, start=read_start(scene))
     if state is None and stands == simulation.snapshots:
         return _cost(path, simulation, 0, time.monotonic() - began)
     if state is None:
@@ -123,13 +137,15 @@ def _cost(path: Path, simulation: Simulation, steps: int, seconds: float) -> dic
         "n_snapshots": simulation.snapshots,
         "steps": (simulation.snapshots - 1) * simulation.steps_per_snapshot,
         "time_step": simulation.dt,
+        "volume_fraction": solid_fraction(simulation.scene, walls_of(simulation.scene), simulation.particles.radius),
         "seconds": seconds,
         "particle_steps_per_second": particle_steps / seconds if seconds else 0.0,
         "threads": numba.get_num_threads(),
     }
 
 
-def _use_threads(threads: int | None) -> None:
+def use_threads(threads: int | None) -> None:
+    """Compute on so many threads from now on; Refusal where this machine has fewer."""
     most = most_threads()
     if threads is not None:
         if not 1 <= threads <= most:
@@ -138,7 +154,11 @@ def _use_threads(threads: int | None) -> None:
 
 
 def _settings(scene: Scene) -> str:
-    return json.dumps({"until": scene.time.duration, "seed": scene.seed})
+    settings: dict[str, Any] = {"until": scene.time.duration, "seed": scene.seed}
+    start = read_start(scene)
+    if start is not None:
+        settings["start"] = start_digest(start)
+    return json.dumps(settings)
 
 
 def made_otherwise(past: Run, text: str, scene: Scene) -> str:
@@ -168,6 +188,7 @@ def _new_writer(path: Path, text: str, simulation: Simulation) -> RunWriter:
         variables=variables,
         precision=simulation.scene.output.precision,
         series=sorted(first.series),
+        impact_energy=None if first.impacts is None else impact_energy_edges(),
         provenance=provenance_of(text, simulation.scene),
     )
     _append(writer, simulation)
@@ -177,7 +198,7 @@ def _new_writer(path: Path, text: str, simulation: Simulation) -> RunWriter:
 def _append(writer: RunWriter, simulation: Simulation) -> None:
     now = simulation.snapshot()
     values = {name: getattr(now, name) for name in writer.variables}
-    writer.append(now.time, values, now.series)
+    writer.append(now.time, values, now.series, now.impacts)
 
 
 @contextmanager

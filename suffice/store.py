@@ -32,8 +32,9 @@ class RunWriter:
     """Write a run snapshot by snapshot: `with RunWriter(path, ...) as run: run.append(time, {"position": x, ...})`.
 
     `ids`, `radius` (m) and `species` are (n,) and fixed for the run; `variables` are names of `QUANTITIES`, those of
-    the fluid need a `grid`. `series` names the diagnostics over time, `provenance` says what made the run. Fewer
-    snapshots than `n_snapshots` may be appended.
+    the fluid need a `grid`. `series` names the diagnostics over time, `provenance` says what made the run, and
+    `impact_energy` (bins + 1,) in J are the bins of impacts where these are counted. Fewer snapshots than `n_snapshots`
+    may be appended.
 
     The file stands at its name from the first moment, and stays after a failure; with `beside=True` it appears only
     when the block ends without one, and nothing is left otherwise. A run that stood there is replaced. Raises `Refusal`
@@ -53,6 +54,7 @@ class RunWriter:
         grid: Grid | None = None,
         precision: Literal["single", "double"] = "single",
         series: Sequence[str] = (),
+        impact_energy: ArrayLike | None = None,
         beside: bool = False,
     ) -> None:
         self.path = Path(path)
@@ -64,6 +66,7 @@ class RunWriter:
             layout.SPECIES: np.asarray(species),
         }
         self._n, self._grid, self._beside = len(self._once[layout.ID]), grid, beside
+        self._bins = None if impact_energy is None else np.asarray(impact_energy, float)
         self._next_view = -np.inf
         shapes = {name: layout.shape_of(QUANTITIES[name], n_snapshots, self._n, grid) for name in self.variables}
         check_place(self.path, layout.bytes_of(list(shapes.values()), DTYPES[precision].itemsize))
@@ -95,17 +98,26 @@ class RunWriter:
         self._file = h5py.File(path, "r+", locking=False)
         self._times = self._file[layout.TIME][()]
         self._file[layout.COUNTER][()] = n_complete
+        self._bins = self._file[layout.IMPACT_ENERGY][()] if layout.IMPACT_ENERGY in self._file else None
         return self
 
-    def append(self, time: float, values: Mapping[str, ArrayLike], series: Mapping[str, float] | None = None) -> None:
+    def append(
+        self,
+        time: float,
+        values: Mapping[str, ArrayLike],
+        series: Mapping[str, float] | None = None,
+        impacts: ArrayLike | None = None,
+    ) -> None:
         """Write the next snapshot, at `time` in s, bring it to the disk, then count it.
 
-        `values` holds every variable: (n, 3) on particles, (z, y, x[, 3]) in cells. Raises `ValueError` when one is
-        missing or does not fit, when time does not increase, or when all snapshots have been written; `OSError` when
-        the disk is full.
+        `values` holds every variable: (n, 3) on particles, (z, y, x[, 3]) in cells; `impacts` (2, bins) are in 1/s.
+        Raises `ValueError` when one is missing or does not fit, when time does not increase, or when all snapshots have
+        been written; `OSError` when the disk is full.
         """
         k = self.n_complete
         self._check(time, values, series or {})
+        if self._bins is not None:
+            self._file[layout.IMPACT_RATE][k] = np.zeros((2, len(self._bins) - 1)) if impacts is None else impacts
         for name in self.variables:
             quantity = QUANTITIES[name]
             self._file[quantity.dataset][layout.index_of(quantity, k, self._n)] = values[name]
@@ -152,6 +164,9 @@ class RunWriter:
         suffice.create_group("series")
         for diagnostic in series:
             self._reserve(f"{layout.SERIES}/{diagnostic}", self._times.shape, self._times.dtype)
+        if self._bins is not None:
+            self._file[layout.IMPACT_ENERGY] = self._bins
+            self._reserve(layout.IMPACT_RATE, (len(self._times), 2, len(self._bins) - 1), self._times.dtype)
         suffice.create_group("provenance")
         for what, text in provenance.items():
             self._file[f"{layout.PROVENANCE}/{what}"] = np.bytes_(text.encode())

@@ -29,6 +29,7 @@ from suffice.results import COMPARISON, LOG, RUN, SELECTION, gather, read_json
 from suffice.run import Run
 from suffice.selecting import select_curves, select_json, select_run, thresholds_of
 from suffice.simulating import changed_scene, made_otherwise, simulate_to
+from suffice.starting import read_start, start_digest
 
 
 class Settings(BaseModel):
@@ -186,16 +187,19 @@ def stages_of(name: str, study: Study, home: Path, folder: Path, reporter: Repor
 def _simulation(study: Study, home: Path, folder: Path, reporter: Reporter) -> Stage:
     scene = study.scene or ""
     text = built_in_scenes().get(scene) or scene_text(str(home / scene))
-    setting = changed_scene(text, scene, seed=study.seed)
+    beside = (home / scene).parent
+    setting = changed_scene(text, scene, seed=study.seed, home=beside)
     run = folder / RUN
 
     def make() -> str:
         unfinished = checkpoint_path(run).exists() and _made_of(run, text, setting)
-        cost = simulate_to(text, scene, run, reporter, seed=study.seed, resume=unfinished)
+        cost = simulate_to(text, scene, run, reporter, seed=study.seed, resume=unfinished, home=beside)
         speed = cost["particle_steps_per_second"] / 1e6
         return f"{cost['n_particles']} particles, {cost['steps']} steps, {speed:.1f} million particle-steps/s"
 
-    return Stage("simulate", setting.model_dump(), (run,), make)
+    start = read_start(setting)
+    stamp = {} if start is None else {"start_digest": start_digest(start)}
+    return Stage("simulate", setting.model_dump() | stamp, (run,), make)
 
 
 def _made_of(run: Path, text: str, scene: Scene) -> bool:

@@ -68,7 +68,7 @@ def refused(text):
         ("particles.0.velocity", [1.0, 2.0], "particles.0.velocity.2: Field required"),
         ("particles.0.velocity", "fast", "particles.0.velocity = 'fast' m/s: Input should be a valid tuple"),
         ("particles.0.velocity", [[1.0, 0.0, 0.0]], "velocity lists 1 vectors for 2 particles; give one each"),
-        ("particles.0.count", 3, "particles.0: give either count or position"),
+        ("particles.0.count", 3, "particles.0: give one of .* found count and position"),
         ("gravity.acceleration", [0.0, 0.0, NAN], "gravity.acceleration.2 = nan m/s²: Input should be a finite"),
         ("walls.0.name", "a/b", "walls.0.name = 'a/b': String should match pattern"),
         ("walls.0.shapes.0.point", [0.0, 0.0, -INF], "walls.0.shapes.0.point.2 = -inf m: Input should be a finite"),

@@ -63,7 +63,9 @@ def test_series_name_each_energy_and_what_each_wall_gives(beads):
     series = next(iter(simulate(parse_scene(beads)))).series
     energies = ("kinetic", "rotational", "potential", "elastic", "dissipated", "wall_work", "balance")
     walls = [f"{what}.box.{axis}" for what in ("force", "torque") for axis in "xyz"]
-    assert set(series) == {f"energy.{e}" for e in energies} | {"coordination", "max_overlap", "power.box", *walls}
+    others = {"coordination", "max_overlap", "granular_temperature", "power.box"}
+    overlaps = {f"overlap.{share}" for share in (50, 90, 99, 100)}
+    assert set(series) == {f"energy.{e}" for e in energies} | others | overlaps | set(walls)
     assert all(isinstance(value, float) for value in series.values())
 
 
