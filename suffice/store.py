@@ -110,9 +110,9 @@ class RunWriter:
     ) -> None:
         """Write the next snapshot, at `time` in s, bring it to the disk, then count it.
 
-        `values` holds every variable: (n, 3) on particles, (z, y, x[, 3]) in cells; `impacts` (2, bins) are in 1/s. Raises `ValueError` when one is
-        missing or does not fit, when time does not increase, or when all snapshots have been written; `OSError` when
-        the disk is full.
+        `values` holds every variable: (n, 3) on particles, (z, y, x[, 3]) in cells; `impacts` (2, bins) are in 1/s.
+        Raises `ValueError` when one is missing or does not fit, when time does not increase, or when all snapshots have
+        been written; `OSError` when the disk is full.
         """
         k = self.n_complete
         self._check(time, values, series or {})
