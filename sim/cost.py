@@ -12,7 +12,8 @@ from sim.walls import no_near_walls
 
 MEASURED_STEPS = 200
 MOST_SECONDS = 5.0  # of measured steps: a large scene is measured over fewer
-REPEATS = 5  # of one evaluation of the forces, of which the fastest counts
+BATCHES = 10
+REPEATS = 5  # of one evaluation of the forces
 
 
 class StepCost(NamedTuple):
@@ -47,41 +48,39 @@ def step_cost(run: MeasuredSimulation) -> StepCost:
     began = time.perf_counter()
     run.advance_to(3)
     once = (time.perf_counter() - began) / 2.0
-    steps = max(2, min(MEASURED_STEPS, int(MOST_SECONDS / max(once, 1e-9))))
-    run.listing = 0.0
-    began = time.perf_counter()
-    run.advance_to(run.step + steps)
-    whole = (time.perf_counter() - began) / steps
-    lists = run.listing / steps
-    pairs, walls = _forces(run)
-    return StepCost(steps, whole, pairs, walls, lists, max(whole - pairs - walls - lists, 0.0))
+    batch = max(1, min(MEASURED_STEPS, int(MOST_SECONDS / max(once, 1e-9))) // BATCHES)
+    run.listing, spent, parts = 0.0, 0.0, np.zeros(2)
+    _forces(run)  # once, for nothing
+    for _ in range(BATCHES):  # in turn, so that what else the machine does falls on steps and parts alike
+        began = time.perf_counter()
+        run.advance_to(run.step + batch)
+        spent += time.perf_counter() - began
+        parts += _forces(run)
+    whole, lists = spent / (BATCHES * batch), run.listing / (BATCHES * batch)
+    pairs, walls = np.maximum(parts / BATCHES, 0.0)
+    over = max((pairs + walls + lists) / whole, 1.0)
+    pairs, walls, lists = float(pairs / over), float(walls / over), lists / over
+    return StepCost(BATCHES * batch, whole, pairs, walls, lists, whole - pairs - walls - lists)
 
 
 def _forces(run: MeasuredSimulation) -> tuple[float, float]:
-    """Seconds that pairs and walls take in one evaluation of the forces.
-
-    A term is measured as what is saved when its list is empty.
-    """
-    fill = run._fill_starting_forces
-    near, spring, listed = run.near, run.wall_spring, run.listed
+    """Seconds that pairs and walls take in one evaluation of the forces: what an empty list saves."""
+    near, listed = run.near, run.listed
     with threads_for(len(listed.chunks) - 1):
-        everything = _fastest(fill)
-        run.near, run.wall_spring = no_near_walls(len(run.particles.radius)), spring
-        pairs_only = _fastest(fill)
-        run.listed = listed._replace(last=listed.first)
-        nothing = _fastest(fill)
-    run.near, run.listed = near, listed
-    return max(pairs_only - nothing, 0.0), max(everything - pairs_only, 0.0)
+        run.near, run.listed = no_near_walls(len(run.particles.radius)), listed._replace(last=listed.first)
+        nothing = _seconds(run._fill_starting_forces)
+        run.listed = listed
+        pairs = _seconds(run._fill_starting_forces)
+        run.near = near
+        everything = _seconds(run._fill_starting_forces)  # last, so that the run goes on with its forces
+    return pairs - nothing, everything - pairs
 
 
-def _fastest(call: Callable[[], Any]) -> float:
-    call()
-    taken = []
+def _seconds(call: Callable[[], Any]) -> float:
+    began = time.perf_counter()
     for _ in range(REPEATS):
-        began = time.perf_counter()
         call()
-        taken.append(time.perf_counter() - began)
-    return min(taken)
+    return (time.perf_counter() - began) / REPEATS
 
 
 def memory_of(run: Simulation) -> dict[str, int]:

@@ -12,7 +12,7 @@ from sim.walls import count_near_walls
 CLEARANCE = 1e-3  # of a diameter, kept between neighbouring sites of a close packing
 DENSEST_AT_RANDOM = 0.64  # volume fraction; nothing beyond is tried at random
 MOST_DRAWS = 200  # of places for all spheres that are still within a wall
-REMOVED = 0.02  # of the spheres at a time, to find out how many fit
+FEWER_ROUNDS, REMOVED = 300, 0.02  # of the spheres at a time, to find out how many fit
 
 
 def close_packed_sites(lowest: Array, highest: Array, spacing: float) -> Array:
@@ -107,7 +107,7 @@ def number_that_fits(
     while len(kept):
         held = (np.arange(len(kept) + len(others[1])) >= len(kept)).astype(np.uint8)
         start, sizes = np.concatenate([position, others[0]]), np.concatenate([kept, others[1]])
-        done = spread(start, sizes, held, walls, region.lowest, region.highest)
+        done = spread(start, sizes, held, walls, region.lowest, region.highest, FEWER_ROUNDS)
         if done.overlap.max() <= 0.0:
             break
         overlap = done.overlap[: len(kept)]

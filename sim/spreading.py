@@ -244,22 +244,32 @@ class Spread(NamedTuple):
     overlap: Array  # (n,) radii, the largest of each sphere; 0 where it overlaps nothing
 
 
-def spread(position: Array, radius: Array, held: Flags, walls: Bodies | None, lowest: Array, highest: Array) -> Spread:
-    """Push overlapping spheres apart, between walls and within a box (m), until none overlaps or time is up.
+def spread(
+    position: Array,
+    radius: Array,
+    held: Flags,
+    walls: Bodies | None,
+    lowest: Array,
+    highest: Array,
+    rounds: int = MOST_ROUNDS,
+) -> Spread:
+    """Push overlapping spheres apart, between walls and within a box (m), until none overlaps or no rounds are left.
 
     Held spheres, `held` (n,), stay where they are.
     """
     with threads_for(1 + len(radius) // 1000):
-        return _spread(position, radius, held, walls, lowest, highest)
+        return _spread(position, radius, held, walls, lowest, highest, rounds)
 
 
-def _spread(position: Array, radius: Array, held: Flags, walls: Bodies | None, lowest: Array, highest: Array) -> Spread:
+def _spread(
+    position: Array, radius: Array, held: Flags, walls: Bodies | None, lowest: Array, highest: Array, rounds: int
+) -> Spread:
     skin = SKIN * 2.0 * float(radius.min())
     rank = np.arange(len(radius))
     x, r, yielding = position.copy(), radius, np.where(held, 0.0, radius.min() / radius) ** 3
     push, move, overlap = np.zeros_like(x), np.zeros_like(x), np.zeros(len(r))
     listed = np.full_like(x, np.inf)
-    for _ in range(MOST_ROUNDS):
+    for _ in range(rounds):
         if not 4.0 * ((x - listed) ** 2).sum(axis=1).max() < skin**2:
             order, start = sort_by_size_and_cell(x, size_grid(r, lowest, highest))
             x, r, yielding, move, rank = x[order], r[order], yielding[order], move[order], rank[order]

@@ -2,6 +2,7 @@
 
 from math import exp, pi, sqrt
 
+import numba
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -9,6 +10,7 @@ from scipy.spatial import cKDTree
 from sim import InputError, Scene, Simulation
 from sim.assembly import walls_of
 from sim.filling import free_volume, numbers_of, region_of, solid_fraction
+from sim.kernel import most_threads
 from sim.sizes import drawn_diameters, mean_volume
 from sim.species import ParticleTable
 from sim.start import StartState, starting_particles
@@ -163,8 +165,12 @@ def test_masses_follow_the_drawn_radii():
 
 
 def test_the_same_seed_draws_and_packs_the_same_on_any_number_of_threads():
-    wide = scene({"count": 1500, "diameter": 5e-4, "distribution": UNIFORM | {"low": 4e-4, "high": 6e-4}})
-    first, second = (starting_particles(wide, walls_of(wide)) for _ in range(2))
+    wide = scene({"count": 4500, "diameter": 5e-4, "distribution": UNIFORM | {"low": 4e-4, "high": 6e-4}})
+    packed = []
+    for threads in (1, most_threads()):
+        numba.set_num_threads(threads)
+        packed.append(starting_particles(wide, walls_of(wide)))
+    first, second = packed
     assert np.array_equal(first.radius, second.radius)
     assert np.array_equal(first.position, second.position)
 
