@@ -29,7 +29,19 @@ from typing import NamedTuple  # noqa: E402
 
 import numba  # noqa: E402
 import numpy as np  # noqa: E402
-from lammps_peer import Peer, Style, Timing, contact, head, styles, timed, timing_of, walls, write_data  # noqa: E402
+from lammps_peer import (  # noqa: E402
+    Peer,
+    Style,
+    Timing,
+    contact,
+    granular_contact,
+    head,
+    styles,
+    timed,
+    timing_of,
+    walls,
+    write_data,
+)
 
 from sim import Scene, Simulation  # noqa: E402
 
@@ -137,11 +149,12 @@ def start_of(name: str) -> State:
 
 
 def deck_of(deck: Deck, style: Style, ranks: int, warm: int, steps: int) -> str:
-    pair, wall = (contact(style, STIFFNESS, RESTITUTION, FRICTION, m) for m in (MASS / 2, MASS))
+    pair = contact(style, STIFFNESS, RESTITUTION, FRICTION, MASS / 2)
+    wall = granular_contact(STIFFNESS, RESTITUTION, FRICTION)
     x, y, z = deck.size
     wiggle = f"wiggle z {AMPLITUDE} {1 / FREQUENCY}" if deck.is_shaken else ""
     faces = {"x": (0.0, x), "y": (0.0, y), "z": (0.0, None if deck.is_open else z)}
-    return head(style, "start.data", pair, DT, ranks) + walls(style, wall, faces, wiggle) + timed(GRAVITY, warm, steps)
+    return head(style, "start.data", pair, DT, ranks) + walls(wall, faces, wiggle) + timed(GRAVITY, warm, steps)
 
 
 def memory() -> int:
