@@ -142,8 +142,8 @@ fix move all nve/sphere
 def walls(contact_: str, faces: dict[str, tuple[float, float | None]], wiggle: str = "") -> str:
     """Plane walls: from axis to the places (m) of its lower and, unless None, upper face.
 
-    Always of the style granular: walls of the style hooke/history hardly hold against slip in LAMMPS of July 2025 (after
-    100 steps of the settled deck the bed has 8 times the kinetic energy of ours and of granular walls).
+    Always of the style granular: walls of the style hooke/history hardly hold against slip in LAMMPS of July 2025
+    (after 100 steps of the settled deck the bed has 8 times the kinetic energy of ours and of granular walls).
     """
     return "".join(
         f"fix wall{axis} all wall/gran granular {contact_} {axis}plane {low} {high or 'NULL'} {wiggle}\n"
