@@ -12,6 +12,8 @@ from sim.motion import Bodies, move_bodies
 from sim.state import Particles
 from sim.walls import count_near_walls
 
+SERIES = ("coordination", "energy.kinetic", "energy.potential", "energy.rotational", "max_overlap")
+
 
 class Touching(NamedTuple):
     """Contacts of one moment."""
@@ -38,7 +40,7 @@ def touching(position: Array, radius: Array, walls: Bodies | None, time: float) 
 def series_of(
     particles: Particles, walls: Bodies | None, gravity: tuple[float, float, float] | None, time: float
 ) -> dict[str, float]:
-    """Return the diagnostics that positions and velocities determine; springs and dashpots are the other program's."""
+    """Return the diagnostics `SERIES` that positions and velocities determine; springs are the other program's."""
     contacts = touching(particles.position, particles.radius, walls, time)
     return {
         "energy.kinetic": kinetic_energy(particles),

@@ -13,7 +13,7 @@ from sim.state import Particles, reordered
 from suffice.engine.deck import DATA, DECK, DUMP, deck_of, write_data
 from suffice.engine.expressible import check_expressible
 from suffice.engine.lammps import Program, find_lammps, run_deck, version_of
-from suffice.engine.observed import series_of
+from suffice.engine.observed import SERIES, series_of
 from suffice.lock import only_writer
 from suffice.progress import Reporter
 from suffice.readers.dump import Dump
@@ -89,35 +89,53 @@ def _simulate(
     text: str, start: Simulation, path: Path, folder: Path, reporter: Reporter, program: Program, ranks: int
 ) -> dict[str, Any]:
     began = time.monotonic()
-    particles = reordered(start.particles, np.argsort(start.particles.id))
-    density = np.array([table.density for table in start.scene.particles])[particles.species]
-    write_data(
-        folder / DATA, 2.0 * particles.radius, density, particles.species, particles.position, particles.velocity,
-        particles.spin,
-    )  # fmt: skip
-    every, steps = start.steps_per_snapshot, (start.snapshots - 1) * start.steps_per_snapshot
-    (folder / DECK).write_text(deck_of(start.scene, start.walls, start.dt, every, steps, ranks))
-    with reporter.stage("simulate", "particle-steps", len(particles.radius) * every) as advance:
+    n, every = len(start.particles.radius), start.steps_per_snapshot
+    write_input(start, folder, ranks)
+    with reporter.stage("simulate", "particle-steps", n * every) as advance:
         run_deck(program, folder, ranks, lambda step: advance(step // every + 1, start.snapshots))
     seconds = time.monotonic() - began
-    _write_run(text, start, particles, path, folder, ranks)
+    steps, version = (start.snapshots - 1) * every, version_of(folder)
+    made_by = {"engine": "lammps", "lammps": version, "ranks": str(ranks)}
+    _write_run(start, path, folder, provenance_of(text, start.scene) | made_by)
     return {
         "run": str(path),
-        "engine": f"LAMMPS ({version_of(folder)})",
-        "n_particles": len(particles.radius),
+        "engine": f"LAMMPS ({version})",
+        "n_particles": n,
         "n_snapshots": start.snapshots,
         "steps": steps,
         "time_step": start.dt,
         "seconds": seconds,
-        "particle_steps_per_second": len(particles.radius) * steps / seconds,
+        "particle_steps_per_second": n * steps / seconds,
         "ranks": ranks,
     }
 
 
-def _write_run(text: str, start: Simulation, particles: Particles, path: Path, folder: Path, ranks: int) -> None:
+def in_order(start: Simulation) -> Particles:
+    """Return the particles of a run that has just started in the scene's order."""
+    return reordered(start.particles, np.argsort(start.particles.id))
+
+
+def write_input(start: Simulation, folder: Path, ranks: int) -> None:
+    """Write deck and data file of a run into a folder. Raises Refusal for walls that LAMMPS has no region for."""
+    p, every = in_order(start), start.steps_per_snapshot
+    steps = (start.snapshots - 1) * every
+    (folder / DECK).write_text(deck_of(start.scene, start.walls, start.dt, every, steps, ranks))
+    density = np.array([table.density for table in start.scene.particles])[p.species]
+    write_data(folder / DATA, 2.0 * p.radius, density, p.species, p.position, p.velocity, p.spin)
+
+
+def moments(start: Simulation, folder: Path) -> Iterator[tuple[float, Frame]]:
+    """Yield the time (s) of every snapshot that LAMMPS dumped, and its particles in the scene's order."""
+    dump = Dump([folder / DUMP])
+    if len(dump.steps) != start.snapshots:
+        raise ChildProcessError(f"LAMMPS wrote {len(dump.steps)} of {start.snapshots} snapshots; {folder} is kept")
+    for step, frame in zip(dump.steps, followed(dump.frames()), strict=True):
+        yield int(step) * start.dt, frame
+
+
+def _write_run(start: Simulation, path: Path, folder: Path, provenance: dict[str, str]) -> None:
     """Turn the dump of a folder into a run of the same layout as our own."""
-    turning = ("angular_velocity",) if start.scene.turns else ()
-    made_by = {"engine": "lammps", "lammps": version_of(folder), "ranks": str(ranks)}
+    particles, turning = in_order(start), ("angular_velocity",) if start.scene.turns else ()
     with RunWriter(
         path,
         ids=particles.id,
@@ -126,25 +144,16 @@ def _write_run(text: str, start: Simulation, particles: Particles, path: Path, f
         n_snapshots=start.snapshots,
         variables=("position", "velocity", *turning),
         precision=start.scene.output.precision,
-        series=("coordination", "energy.kinetic", "energy.potential", "energy.rotational", "max_overlap"),
-        provenance=provenance_of(text, start.scene) | made_by,
+        series=SERIES,
+        provenance=provenance,
         beside=True,
     ) as run:
-        for moment, frame in _moments(start, folder):
+        for moment, frame in moments(start, folder):
             spin = frame.values["angular_velocity"] if turning else None
             now = particles._replace(position=frame.values["position"], velocity=frame.values["velocity"], spin=spin)
             series = series_of(now, start.walls, start.gravity, moment)
             _check_overlap(start.scene, series["max_overlap"], moment)
             run.append(moment, {name: frame.values[name] for name in run.variables}, series)
-
-
-def _moments(start: Simulation, folder: Path) -> Iterator[tuple[float, Frame]]:
-    """Yield the time (s) of every snapshot of a dump, and its particles in the scene's order."""
-    dump = Dump([folder / DUMP])
-    if len(dump.steps) != start.snapshots:
-        raise ChildProcessError(f"LAMMPS wrote {len(dump.steps)} of {start.snapshots} snapshots; {folder} is kept")
-    for step, frame in zip(dump.steps, followed(dump.frames()), strict=True):
-        yield int(step) * start.dt, frame
 
 
 def _check_overlap(scene: Scene, overlap: float, moment: float) -> None:
