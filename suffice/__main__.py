@@ -97,10 +97,13 @@ def simulate(
     threads: Annotated[int | None, typer.Option(help="default: all")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="go on where an interrupted run stopped")] = False,
     explain: Annotated[bool, typer.Option("--explain", help="say what it would do and cost, and run nothing")] = False,
+    engine: Annotated[str, typer.Option(help="numba, ours, or lammps: dry scenes, over MPI")] = "numba",
+    ranks: Annotated[int | None, typer.Option(help="processes of --engine lammps; default 1")] = None,
     json: Json = None,
 ) -> None:
     """Run a scene: a high-fidelity run with progress, speed, energy and overlap."""
     from sim import scene_text
+    from suffice.engine import check_options, simulate_on_lammps
     from suffice.refusal import Refusal
     from suffice.simulating import changed_scene, simulate_to, use_threads
     from suffice.tables import show_facts
@@ -116,9 +119,12 @@ def simulate(
         return
     if output is None:
         raise Refusal("simulate needs -o RUN, the file to write; or --explain, which writes none")
-    answer = simulate_to(
-        scene_text(scene), scene, output, context.obj, until=until, seed=seed, threads=threads, resume=resume
-    )
+    check_options(engine, threads, ranks, resume)
+    text, place = scene_text(scene), (scene, output, context.obj)
+    if engine == "lammps":
+        answer = simulate_on_lammps(text, *place, until=until, seed=seed, ranks=ranks or 1)
+    else:
+        answer = simulate_to(text, *place, until=until, seed=seed, threads=threads, resume=resume)
     if _tell(answer, json):
         show_facts(str(output), answer)
 
