@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim import Simulation, simulate
-from sim.contact import contact_time
+from sim.law import contact_time
 
 G = 9.81
 FLOOR = {"name": "floor", "shapes": [{"shape": "plane", "normal": [0, 0, 1]}]}

@@ -5,14 +5,18 @@ import numpy as np
 import pytest
 
 from sim import parse_scene, scene_text, simulate
-from sim.neighbors import cell_grid, empty_neighbors, rebuilt_neighbors, sort_by_cell
+from sim.cells import cell_grid, sort_by_cell
+from sim.neighbors import empty_neighbors, rebuilt_neighbors
 
 
-def build(position, radius, skin, old=None, spring=None):
-    grid = cell_grid(position, 2 * radius.max() + skin)
+def build(position, radius, skin, old=None, spring=None, period=(0.0, 0.0, 0.0), fixed=None):
+    period = np.array(period)
+    grid = cell_grid(position, 2 * radius.max() + skin, np.zeros(3), period)
     order, start = sort_by_cell(position, grid)
-    old = old or empty_neighbors(len(radius), 1)
-    return order, *rebuilt_neighbors(position[order], radius[order], order, start, grid, skin, old, spring)
+    old = old or empty_neighbors(len(radius), 1, period)
+    inverse_mass = np.ones(len(radius)) if fixed is None else np.where(fixed, 0.0, 1.0)
+    rows = (position[order], radius[order], inverse_mass[order])
+    return order, *rebuilt_neighbors(*rows, order, start, grid, skin, old, spring)
 
 
 def pairs_of(order, listed):
@@ -39,6 +43,35 @@ def test_list_holds_every_near_pair_once(n, stretch):
     assert {(min(int(i), int(j)), max(int(i), int(j))) for i, j in found} == expected
     assert len(found) == len(expected)
     assert len(listed.receiver) == sum(chunk[i] != chunk[j] for i, j in expected)
+
+
+@pytest.mark.parametrize("size", [(1, 1, 1), (4, 0.25, 1), (0.16, 2, 2)])  # the last: fewer than three cells
+@pytest.mark.parametrize("directions", [(1, 1, 1), (1, 0, 0), (0, 1, 1)])
+def test_list_holds_the_nearest_image_of_every_near_pair_where_the_box_repeats(size, directions):
+    rng = np.random.default_rng(11)
+    n, skin = 1200, 1e-4
+    lengths = 12e-3 * np.array(size)
+    period = lengths * np.array(directions)
+    position = rng.uniform(0, 1, (n, 3)) * lengths
+    radius = rng.uniform(2e-4, 4e-4, n)
+    order, listed, _ = build(position, radius, skin, period=period)
+    between = position[:, None] - position[None]
+    turns = np.round(np.divide(between, period, out=np.zeros_like(between), where=period > 0))
+    distance = np.linalg.norm(between - turns * period, axis=2)
+    near = np.triu(distance < radius[:, None] + radius[None] + skin, 1)
+    expected = {(int(i), int(j)) for i, j in zip(*np.nonzero(near), strict=True)}
+    found = {(min(int(i), int(j)), max(int(i), int(j))) for i, j in pairs_of(order, listed)}
+    assert found == expected
+    assert len(pairs_of(order, listed)) == len(expected)
+    for i in range(n):
+        for e in range(listed.first[i], listed.last[i]):
+            np.testing.assert_array_equal(listed.image[e], turns[order[i], order[listed.partner[e]]])
+
+
+def test_two_fixed_particles_are_no_pair():
+    position = np.array([[0, 0, 0], [1e-3, 0, 0], [0, 1e-3, 0]])
+    order, listed, _ = build(position, np.full(3, 6e-4), 1e-4, fixed=np.array([True, True, False]))
+    assert {frozenset(map(int, pair)) for pair in pairs_of(order, listed)} == {frozenset({0, 2}), frozenset({1, 2})}
 
 
 def test_every_pair_across_chunks_has_a_letter_box_of_its_own_in_the_chunk_of_its_partner():
