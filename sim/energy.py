@@ -10,7 +10,7 @@ from sim.kernel import Array, kernel
 from sim.motion import Bodies
 from sim.neighbors import Neighbors
 from sim.state import Particles, inertia, mass
-from sim.walls import NearWalls, wall_distance
+from sim.walls import NearWalls, law_of_body, wall_distance
 
 
 class Ledger(NamedTuple):
@@ -60,13 +60,14 @@ def pair_elastic_energy(
 
 @kernel
 def wall_elastic_energy(
-    position: Array, radius: Array, walls: Bodies, near: NearWalls, spring: Array | None, law: ContactLaw
+    position: Array, radius: Array, walls: Bodies, near: NearWalls, spring: Array | None, laws: Array
 ) -> tuple[float, float, float]:
     """Energy of all wall springs (J), number of touching walls, largest overlap in radii."""
     energy, contacts, deepest = 0.0, 0.0, 0.0
     for i in range(radius.shape[0]):
         for entry in range(near.first[i], near.last[i]):
             x, y, z = position[i, 0], position[i, 1], position[i, 2]
+            law = law_of_body(laws, walls.body[near.surface[entry]])
             overlap = radius[i] - wall_distance(walls, near.surface[entry], x, y, z)[0]
             if overlap <= 0.0:
                 continue

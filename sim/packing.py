@@ -3,11 +3,12 @@
 import numpy as np
 
 from sim.errors import InputError
+from sim.extent import extent_of
 from sim.kernel import Array
 from sim.motion import Bodies
 from sim.scene import Scene
-from sim.vessel import Box, Cylinder
-from sim.walls import count_near_walls
+from sim.vessel import Shape
+from sim.walls import beyond_shells, count_near_walls
 
 MOST_SITES = 64  # per particle, so that a few particles in a large box cost little
 CLEARANCE = 1e-3  # of a diameter, kept between neighbouring sites
@@ -22,12 +23,9 @@ def bounds(scene: Scene) -> tuple[Array, Array]:
         return np.array(scene.filling.lowest), np.array(scene.filling.highest)
     for wall in scene.walls:
         for shape in wall.shapes:
-            if isinstance(shape, Box) and shape.particles == "inside":
-                return np.array(shape.lowest), np.array(shape.highest)
-            if isinstance(shape, Cylinder) and shape.particles == "inside" and shape.length is not None:
-                axis = np.array(shape.axis) / np.linalg.norm(shape.axis)
-                half = shape.radius * np.sqrt(1.0 - axis**2) + 0.5 * shape.length * np.abs(axis)
-                return np.array(shape.centre) - half, np.array(shape.centre) + half
+            extent = extent_of(shape)
+            if extent is not None and isinstance(shape, Shape) and shape.particles == "inside":
+                return extent
     raise InputError(
         "particles.count: no wall encloses the particles, so there is no place to pack them; "
         "add a table [filling] with lowest and highest in m, or give their positions"
@@ -51,7 +49,7 @@ def free_sites(lowest: Array, highest: Array, spacing: float, radius: float, wal
     if walls is None or not len(sites):
         return sites
     _, least = count_near_walls(sites, np.full(len(sites), radius), walls, 0.0)
-    return sites[least > radius]
+    return sites[(least > radius) & ~beyond_shells(sites, walls)]
 
 
 def pack(scene: Scene, walls: Bodies | None, rng: np.random.Generator) -> Array:
@@ -98,4 +96,5 @@ def _unless_touching(walls: Bodies | None, moved: Array, sites: Array, radius: f
     if walls is None:
         return moved
     _, least = count_near_walls(moved, np.full(len(moved), radius), walls, 0.0)
-    return np.where((least > radius)[:, None], moved, sites)
+    free = (least > radius) & ~beyond_shells(moved, walls)
+    return np.where(free[:, None], moved, sites)

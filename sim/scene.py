@@ -75,11 +75,11 @@ class Scene(Table):
         return self
 
     @property
-    def law_of_walls(self) -> Contact:
-        """Constants of contacts with walls."""
-        return self.wall_contact or self.contact
+    def contacts_with_walls(self) -> list[Contact]:
+        """Constants of the contacts with each body: its own, those of walls in general, or those of particles."""
+        return [wall.contact or self.wall_contact or self.contact for wall in self.walls]
 
     @property
     def turns(self) -> bool:
         """Whether anything in the scene can turn a particle or is meant to spin."""
-        return self.contact.friction > 0.0 or (bool(self.walls) and self.law_of_walls.friction > 0.0)
+        return any(contact.friction > 0.0 for contact in (self.contact, *self.contacts_with_walls))

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sim.assembly import law_of, walls_of
+from sim.assembly import law_of, laws_of_walls, walls_of
 from sim.energy import Ledger, kinetic_energy, pair_elastic_energy, rotational_energy, wall_elastic_energy
 from sim.errors import LimitError
 from sim.gravity import potential_energy
@@ -30,7 +30,7 @@ class Simulation:
         self.dt, self.steps_per_snapshot = time_step(scene)
         self.snapshots = snapshots_in(scene)
         self.gravity = scene.gravity.acceleration if scene.gravity else None
-        self.pair_law, self.wall_law = law_of(scene.contact), law_of(scene.law_of_walls)
+        self.pair_law, self.wall_law = law_of(scene.contact), laws_of_walls(scene)
         self.walls = walls_of(scene)
         self.particles = starting_particles(scene, self.walls)
         check_walls(scene, self.particles, self.walls)
@@ -203,7 +203,7 @@ class Simulation:
 
     def _stiffness_for(self, overlap: float, limit: float) -> float:
         """Stiffness (N/m) at which the same impact stays within the limit, as overlap ∝ 1/sqrt(k), and a third more."""
-        stiffest = max(self.scene.contact.stiffness, self.scene.law_of_walls.stiffness)
+        stiffest = max(contact.stiffness for contact in (self.scene.contact, *self.scene.contacts_with_walls))
         return 1.33 * stiffest * (overlap / limit) ** 2
 
     def _stopped(self, row: int, what: str, remedy: str) -> LimitError:

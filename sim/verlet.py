@@ -28,7 +28,7 @@ class Step(NamedTuple):
 # The terms of a scene as `fill_forces` takes them: pairs, their springs and law, walls, the list of near ones, their
 # springs and law, and what is tallied. A term that is None does not exist in the compiled program.
 Terms = tuple[
-    Neighbors, Array | None, ContactLaw, Bodies | None, NearWalls, Array | None, ContactLaw, Array, Array
+    Neighbors, Array | None, ContactLaw, Bodies | None, NearWalls, Array | None, Array, Array, Array
 ]  # fmt: skip
 
 
@@ -48,7 +48,7 @@ def fill_forces(
     walls: Bodies | None,
     near: NearWalls,
     wall_spring: Array | None,
-    wall_law: ContactLaw,
+    wall_law: Array,
     tally: Array,
     body_tally: Array,
 ) -> None:

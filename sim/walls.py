@@ -1,18 +1,22 @@
 """Contact of particles with walls given as signed distance functions.
 
 The particles' side of every shape has φ > 0. Each shape that a particle overlaps acts by itself, so a bead in a corner
-rests on both faces; the force is the gradient of ½ k (φ − r)² (paper eqs. (13)–(17)).
+rests on both faces; the force is the gradient of ½ k (φ − r)² (paper eqs. (13)–(17)): with |∇φ| = 1 that is k (r − φ),
+and k |∇φ| (r − φ) on an interpolated φ.
 """
 
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
 from numba import prange
+from numpy.typing import NDArray
 
+from sim.combination import shape_distance
 from sim.contact import ContactLaw, contact_force, part
 from sim.kernel import Array, Flags, Indices, Vector, add_to_row, inlined, kernel, parallel_kernel
 from sim.motion import FIXED, ROTATING, Bodies
-from sim.shapes import signed_distance
+from sim.shapes import SHELL
 
 BODY_TALLY = 7  # impulse (3), angular impulse about the body's centre (3), work
 
@@ -29,10 +33,10 @@ class NearWalls(NamedTuple):
 @inlined
 def wall_distance(walls: Bodies, s: int, x: float, y: float, z: float) -> tuple[float, float, float, float]:
     """Distance φ of a point to shape s where its body stands now (positive on the particles' side), and ∇φ."""
-    b = walls.body[s]
-    side = walls.side[s]
+    b, kind, side = walls.body[s], walls.kind[s], walls.side[s]
+    shape = (walls.program, walls.blocks, walls.spline)
     if walls.motion[b] == FIXED:
-        d, nx, ny, nz = signed_distance(walls.kind[s], walls.parameter, s, x, y, z)
+        d, nx, ny, nz = shape_distance(kind, walls.parameter, *shape, s, x, y, z)
         return side * d, side * nx, side * ny, side * nz
     c, r = walls.centre, walls.rotation
     px = x - c[b, 0] - walls.shift[b, 0]
@@ -41,11 +45,28 @@ def wall_distance(walls: Bodies, s: int, x: float, y: float, z: float) -> tuple[
     qx = r[b, 0, 0] * px + r[b, 1, 0] * py + r[b, 2, 0] * pz + c[b, 0]
     qy = r[b, 0, 1] * px + r[b, 1, 1] * py + r[b, 2, 1] * pz + c[b, 1]
     qz = r[b, 0, 2] * px + r[b, 1, 2] * py + r[b, 2, 2] * pz + c[b, 2]
-    d, gx, gy, gz = signed_distance(walls.kind[s], walls.parameter, s, qx, qy, qz)
+    d, gx, gy, gz = shape_distance(kind, walls.parameter, *shape, s, qx, qy, qz)
     nx = r[b, 0, 0] * gx + r[b, 0, 1] * gy + r[b, 0, 2] * gz
     ny = r[b, 1, 0] * gx + r[b, 1, 1] * gy + r[b, 1, 2] * gz
     nz = r[b, 2, 0] * gx + r[b, 2, 1] * gy + r[b, 2, 2] * gz
     return side * d, side * nx, side * ny, side * nz
+
+
+@inlined
+def steepness_and_normal(blocks: Array | None, gx: float, gy: float, gz: float) -> tuple[float, Vector]:
+    """Length of ∇φ, which is 1 unless φ is interpolated, and its direction."""
+    if blocks is None:
+        return 1.0, (gx, gy, gz)
+    steepness = sqrt(gx * gx + gy * gy + gz * gz)
+    if steepness == 0.0:  # on a kink that the interpolation has levelled: there is no force
+        return 0.0, (0.0, 0.0, 1.0)
+    return steepness, (gx / steepness, gy / steepness, gz / steepness)
+
+
+@inlined
+def law_of_body(laws: Array, b: int) -> ContactLaw:
+    """Constants of the contacts of body b."""
+    return ContactLaw(laws[b, 0], laws[b, 1], laws[b, 2], laws[b, 3], laws[b, 4])
 
 
 @parallel_kernel
@@ -159,6 +180,17 @@ def wall_speed(walls: Bodies, position: Array) -> float:
     return fastest
 
 
+def beyond_shells(position: Array, walls: Bodies) -> NDArray[np.bool_]:
+    """Tell which points (n, 3) m are beside a thin wall, out of what it encloses; φ alone does not tell its sides."""
+    beyond = np.zeros(len(position), np.bool_)
+    for p in walls.parameter[walls.kind == SHELL]:
+        if p[8] > 0.0:
+            along = (position - p[:3]) @ p[3:6]
+            distance = np.linalg.norm(position - p[:3] - along[:, None] * p[3:6], axis=1)
+            beyond |= (np.abs(along) < p[8]) & (distance > 0.5 * (p[6] + p[7] + (p[7] - p[6]) * along / p[8]))
+    return beyond
+
+
 @inlined
 def wall_motion(walls: Bodies, b: int, point: Vector) -> tuple[Vector, Vector]:
     """Return a point's place about the centre that body b turns about (m), and the body's velocity there (m/s)."""
@@ -196,7 +228,7 @@ def add_wall_forces(
     walls: Bodies,
     near: NearWalls,
     spring: Array | None,
-    law: ContactLaw,
+    laws: Array,
     dt: float,
     force: Array,
     torque: Array | None,
@@ -212,7 +244,8 @@ def add_wall_forces(
     for i in range(chunks[c], chunks[c + 1]):
         for entry in range(near.first[i], near.last[i]):
             s = near.surface[entry]
-            distance, nx, ny, nz = wall_distance(walls, s, position[i, 0], position[i, 1], position[i, 2])
+            law = law_of_body(laws, walls.body[s])
+            distance, gx, gy, gz = wall_distance(walls, s, position[i, 0], position[i, 1], position[i, 2])
             overlap = radius[i] - distance
             if overlap <= 0.0:
                 lost += part(entry, near.touching, spring, law)
@@ -220,7 +253,9 @@ def add_wall_forces(
             if overlap > deepest * radius[i]:
                 deepest = overlap / radius[i]
             b = walls.body[s]
+            steepness, (nx, ny, nz) = steepness_and_normal(walls.blocks, gx, gy, gz)
             normal = (nx, ny, nz)
+            overlap *= steepness
             foot = (position[i, 0] - distance * nx, position[i, 1] - distance * ny, position[i, 2] - distance * nz)
             arm, wall = wall_motion(walls, b, foot)
             approach = (velocity[i, 0] - wall[0], velocity[i, 1] - wall[1], velocity[i, 2] - wall[2])
