@@ -4,6 +4,9 @@
 the same sum: a force k |∇φ| (r − φ) along it is the exact gradient of ½ k (φ − r)² (paper eqs. (14)–(17)). The
 coefficients c = φ − δ²φ/8, with δ² the second differences of all three directions, reproduce quadratic φ exactly and
 look no farther than two nodes, so that a flat face is flat from 2.5 h beside any edge.
+
+Trilinear interpolation would be cheaper, but its ∇φ jumps at every cell: an elastic bead that slides over the edge of
+a block, in steps of t_c/50 on 8 nodes per diameter, changed its energy by 1e-3 of the kinetic one, here by 4e-7.
 """
 
 from math import sqrt

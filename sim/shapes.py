@@ -10,6 +10,7 @@ from sim.kernel import Array, inlined, kernel
 
 PLANE, TUBE, CYLINDER, BOX, SPHERE, CAPSULE, TORUS, FUNNEL, FRUSTUM, SHELL = range(10)
 COMBINATION, MESH = 10, 11  # these stand for more than a row of numbers: see sim/combination.py and sim/gridded.py
+ON_AXIS = 1e-8  # of the height: nearer to the axis, the direction away from it is lost in rounding
 PARAMETERS = 10  # numbers that describe any shape
 
 
@@ -27,10 +28,10 @@ def axial_frame(p: Array, s: int, x: float, y: float, z: float) -> tuple[float, 
     along = dx * p[s, 3] + dy * p[s, 4] + dz * p[s, 5]
     rx, ry, rz = dx - along * p[s, 3], dy - along * p[s, 4], dz - along * p[s, 5]
     distance = sqrt(rx * rx + ry * ry + rz * rz)
-    if distance == 0.0:  # on the axis every direction is as good: take one that is perpendicular to it
+    if distance <= ON_AXIS * abs(along):  # every direction is as good: take one that is perpendicular to the axis
         rx, ry, rz = (0.0, -p[s, 5], p[s, 4]) if abs(p[s, 3]) < 0.5 else (-p[s, 5], 0.0, p[s, 3])
         length = sqrt(rx * rx + ry * ry + rz * rz)
-        return along, 0.0, rx / length, ry / length, rz / length
+        return along, distance, rx / length, ry / length, rz / length
     return along, distance, rx / distance, ry / distance, rz / distance
 
 

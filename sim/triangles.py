@@ -43,7 +43,10 @@ def read_stl(field: str, file: str, scale: float) -> Mesh:
     except ModuleNotFoundError:
         raise InputError(f"{field}.file = {file!r}: to read a mesh, `pip install 'suffice[mesh]'`") from None
     reader.SetFileName(file)
+    warns = reader.GetGlobalWarningDisplay()
+    reader.SetGlobalWarningDisplay(0)  # what is wrong with the file is said below
     reader.Update()
+    reader.SetGlobalWarningDisplay(warns)
     found = reader.GetOutput()
     if not found.GetNumberOfCells():
         raise InputError(f"{field}.file = {file!r}: holds no triangles; give an STL file, ASCII or binary")
