@@ -10,10 +10,11 @@ from sim.granular_temperature import granular_temperature
 from sim.kernel import Array, kernel
 from sim.mixing import lacey_index
 from sim.motion import Bodies
+from sim.near_walls import NearWalls
 from sim.neighbors import Neighbors, separation
 from sim.scene import Scene
 from sim.state import Particles, mass
-from sim.walls import NearWalls, wall_distance
+from sim.surface import wall_distance
 
 QUANTILES = (50, 90, 99, 100)  # % of the touching contacts
 

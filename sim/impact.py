@@ -8,10 +8,11 @@ import numpy as np
 from sim.filling import Region
 from sim.kernel import Array
 from sim.motion import FIXED, Bodies
+from sim.near_walls import count_near_walls
 from sim.scene import Scene
 from sim.state import Particles
+from sim.surface import wall_speed
 from sim.timestep import sphere_mass
-from sim.walls import count_near_walls, wall_speed
 
 SMALL_OVERLAP = 0.02  # diameters, of an impact at the expected speed
 SAMPLES_PER_EDGE = 48

@@ -4,8 +4,9 @@ from math import sqrt
 
 from sim.kernel import Array, kernel
 from sim.motion import Bodies
+from sim.near_walls import NearWalls
 from sim.neighbors import Neighbors, separation
-from sim.walls import NearWalls, wall_distance
+from sim.surface import wall_distance
 
 
 @kernel

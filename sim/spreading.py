@@ -13,7 +13,8 @@ from numba import prange
 
 from sim.kernel import Array, Flags, Indices, Partners, kernel, parallel_kernel, threads_for
 from sim.motion import Bodies
-from sim.walls import count_near_walls, wall_distance
+from sim.near_walls import count_near_walls
+from sim.surface import wall_distance
 
 MOST_ROUNDS = 1500
 KEPT = 0.97  # of the last move

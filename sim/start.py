@@ -8,13 +8,14 @@ from sim.errors import InputError
 from sim.filling import numbers_of, region_of
 from sim.kernel import Array, Indices
 from sim.motion import Bodies
+from sim.near_walls import count_near_walls
 from sim.neighbors import Neighbors
 from sim.overlap import deepest_pair
 from sim.packing import pack
 from sim.scene import Scene
 from sim.sizes import drawn_diameters
 from sim.state import Particles
-from sim.walls import count_near_walls, wall_distance
+from sim.surface import wall_distance
 
 
 def _rows(value: object, n: int) -> Array:

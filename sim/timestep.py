@@ -63,8 +63,18 @@ def time_limits(scene: Scene) -> list[TimeLimit]:
     alone = [table.number for table in scene.particles] == [1]
     if not alone or not scene.walls:
         limits += contact_limits("contact between particles", scene.contact, lightest / 2.0)
-    if scene.walls:
-        limits += contact_limits("contact with walls", scene.law_of_walls, lightest)
+    limits += wall_limits(scene, lightest)
+    return limits
+
+
+def wall_limits(scene: Scene, lightest: float) -> list[TimeLimit]:
+    """Return the limits of the contacts with walls in general, and with each body that has its own."""
+    limits = []
+    if any(wall.contact is None for wall in scene.walls):
+        limits += contact_limits("contact with walls", scene.wall_contact or scene.contact, lightest)
+    for wall in scene.walls:
+        if wall.contact is not None:
+            limits += contact_limits(f"contact with the wall {wall.name!r}", wall.contact, lightest)
     return limits
 
 

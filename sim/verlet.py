@@ -9,10 +9,11 @@ from numba import prange
 from sim.kernel import Array, Indices, Vector, inlined, kernel, parallel_kernel
 from sim.law import ContactLaw
 from sim.motion import Bodies, move_bodies
+from sim.near_walls import NearWalls
 from sim.neighbors import Neighbors
 from sim.pairs import add_pair_forces
 from sim.state import INVERSE_INERTIA, INVERSE_MASS, SPIN_X, VELOCITY_X, X
-from sim.walls import NearWalls, add_wall_forces
+from sim.walls import add_wall_forces
 
 OLDEST_LIST = 1000  # steps; particles that hardly move get a new list too, with a thinner skin
 
@@ -33,7 +34,7 @@ class Step(NamedTuple):
 # None does not exist in the compiled program.
 Terms = tuple[
     Array | None, bool | None, Indices | None, ContactLaw, Array | None,
-    Bodies | None, NearWalls, Array | None, bool | None, ContactLaw,
+    Bodies | None, NearWalls, Array | None, bool | None, Array,
     Array, Array, Array | None, Array | None,
 ]  # fmt: skip
 
@@ -53,7 +54,7 @@ def fill_forces(
     near: NearWalls,
     wall_spring: Array | None,
     walls_roll: bool | None,
-    wall_law: ContactLaw,
+    wall_laws: Array,
     tally: Array,
     body_tally: Array,
     impacts: Array | None,
@@ -67,7 +68,7 @@ def fill_forces(
         )
         if walls is not None:
             add_wall_forces(
-                c, seen, chunks, walls, near, wall_spring, walls_roll, wall_law, dt, wrench, tally, body_tally,
+                c, seen, chunks, walls, near, wall_spring, walls_roll, wall_laws, dt, wrench, tally, body_tally,
                 wall_impacts,
             )  # fmt: skip
 
