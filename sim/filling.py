@@ -49,9 +49,12 @@ def bounds(scene: Scene) -> tuple[Array, Array]:
 
 def _within_period(scene: Scene, lowest: Array, highest: Array) -> tuple[Array, Array]:
     """Cut a box down to the period in the directions that repeat."""
-    for axis in scene.periodic.directions if scene.periodic else ():
-        k = "xyz".index(axis)
-        lowest[k], highest[k] = scene.periodic.lowest[k], scene.periodic.highest[k]
+    if scene.periodic is not None:
+        repeats = np.array(scene.periodic.period) > 0.0
+        lowest, highest = (
+            np.where(repeats, own, corner)
+            for own, corner in ((scene.periodic.lowest, lowest), (scene.periodic.highest, highest))
+        )
     return lowest, highest
 
 

@@ -84,8 +84,8 @@ def stiffness_for(scene: Scene, speed: float, overlap: float = SMALL_OVERLAP) ->
 
 
 def _contacts(scene: Scene) -> list[tuple[str, float, float]]:
-    """Name, stiffness (N/m) and m*/m of each kind of contact."""
-    kinds = [("contact", scene.contact.stiffness, 0.5)]
+    """Name, least stiffness (N/m) and m*/m of each kind of contact."""
+    kinds = [("contact", min(c.stiffness for c in (scene.contact, *scene.pair_contact)), 0.5)]
     if scene.walls:
-        kinds.append(("wall_contact", scene.law_of_walls.stiffness, 1.0))
+        kinds.append(("wall_contact", min(c.stiffness for c in scene.contacts_with_walls), 1.0))
     return kinds

@@ -18,7 +18,7 @@ from sim.neighbors import empty_neighbors, rebuilt_neighbors
 from sim.overlap import deepest_pair, deepest_wall
 from sim.pairs import TALLY
 from sim.scene import Scene
-from sim.start import StartState, check_pairs, check_walls, starting_particles
+from sim.start import StartState, check_pairs, check_walls, starting_particles, thickest_skin
 from sim.state import Snapshot, reordered, seen_by_forces, travelled, wrap_
 from sim.surface import wall_speed
 from sim.timestep import snapshots_in, time_step
@@ -51,7 +51,8 @@ class Simulation:
         self.spring = np.zeros((len(self.listed.partner), 6 if self.pairs_roll else 3)) if turns else None
         self.near = no_near_walls(n)
         self.wall_spring = np.zeros((0, 6 if self.walls_roll else 3)) if turns else None
-        self.skin = FIRST_SKIN * 2.0 * float(self.particles.radius.max())
+        self.thickest_skin = thickest_skin(scene, 2.0 * float(self.particles.radius.max()))
+        self.skin = min(FIRST_SKIN * 2.0 * float(self.particles.radius.max()), self.thickest_skin)
         chunks = len(self.listed.chunks) - 1
         self.tally = np.zeros((chunks, TALLY))
         self.body_tally = np.zeros((chunks, len(scene.walls), BODY_TALLY))
@@ -121,7 +122,7 @@ class Simulation:
         """
         diameter = 2.0 * float(self.particles.radius.max())
         best = REBUILD_COST * sqrt(closing / diameter) if closing >= 0.0 else 0.0
-        return diameter * min(max(best, THINNEST_SKIN), THICKEST_SKIN)
+        return min(diameter * min(max(best, THINNEST_SKIN), THICKEST_SKIN), self.thickest_skin)
 
     def _advance(self, steps: int, drifted: bool) -> tuple[int, bool, float]:
         p = self.particles

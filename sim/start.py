@@ -140,3 +140,20 @@ def check_pairs(scene: Scene, p: Particles, listed: Neighbors) -> None:
             f"particles {first} and {second} overlap by {overlap:.3g} radii "
             f"(limits.max_overlap {scene.limits.max_overlap:g}); move them apart, or raise the limit"
         )
+
+
+def thickest_skin(scene: Scene, diameter: float) -> float:
+    """Return the skin (m) up to which a particle has one image of each other in reach, of a largest diameter (m).
+
+    Raises InputError where a periodic box is shorter than two and a half diameters.
+    """
+    if scene.periodic is None:
+        return np.inf
+    period = np.array(scene.periodic.period)
+    shortest = float(period[period > 0.0].min())
+    if shortest < 2.5 * diameter:
+        raise InputError(
+            f"periodic: the box is {shortest:g} m long in {'xyz'[int(np.argmax(period == shortest))]}; it needs "
+            f"{2.5 * diameter:g} m, two and a half of the largest diameters"
+        )
+    return 0.5 * shortest - diameter

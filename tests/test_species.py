@@ -66,7 +66,7 @@ def test_an_unknown_species_is_refused_with_the_names_there_are(scene_of):
 
 def test_a_stiffer_pair_binds_the_time_step(scene_of):
     scene = head_on(scene_of, ("glass", "steel"), [PAIRS[0] | {"stiffness": 1e7}])
-    with pytest.raises(InputError, match="glass.*steel"):
+    with pytest.raises(InputError, match=r"glass.*steel"):
         Simulation(scene)
 
 
