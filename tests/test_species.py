@@ -17,7 +17,7 @@ def mass(density, diameter=D):
     return density * pi * diameter**3 / 6
 
 
-def head_on(scene_of, kinds, pair_contact, speed=1.0, steps=150, **tables):
+def head_on(scene_of, kinds, pair_contact, speed=1.0, steps=250, **tables):
     """Two spheres of the species of `kinds`, about to collide."""
     names, density = ("glass", "steel"), (2500.0, 7800.0)
     dt = contact_time(1e4, 1.0, mass(2500.0) / 2) / 100
