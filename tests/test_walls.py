@@ -52,20 +52,33 @@ def test_distance_to_a_moving_wall_travels_with_it(scene_of, motion):
     np.testing.assert_allclose(after[1:], walls.rotation[0] @ np.array(before[1:]), atol=1e-12)
 
 
-def fall_on(scene_of, shape):
+def fall_on(scene_of, shape, velocity, spin):
     scene = scene_of(
-        particles=[{**BEAD, "position": [[3e-4, 1e-4, 1.4e-3]], "velocity": [[0.2, -0.1, -0.7]]}],
+        particles=[{**BEAD, "position": [[3e-4, 1e-4, 1.4e-3]], "velocity": [velocity], "angular_velocity": [spin]}],
         contact={"restitution": 0.8, "friction": 0.3},
         walls=[{"name": "floor", "shapes": [shape]}],
         **RUN,
     )
-    return np.array([s.position[0] for s in simulate(scene)])
+    return np.array(
+        [[*(s.position[0] / 5e-4), *s.velocity[0], *(5e-4 * s.angular_velocity[0])] for s in simulate(scene)]
+    )
 
 
-def test_face_of_a_large_box_is_a_plane(scene_of):
-    plane = fall_on(scene_of, {"shape": "plane", "normal": [0, 0, 3]})
-    box = fall_on(scene_of, {"shape": "box", "lowest": [-1, -1, -1], "highest": [1, 1, 0], "particles": "outside"})
-    lid = fall_on(scene_of, {"shape": "box", "lowest": [-1, -1, 0], "highest": [1, 1, 1], "particles": "inside"})
+@pytest.mark.parametrize(
+    ("velocity", "spin"),
+    [([0.2, -0.1, -0.7], [0, 0, 0]), ([0.5, 0.1, -0.2], [300, -900, 100]), ([0, 0, -1], [0, 0, 500])],
+)
+def test_face_of_a_box_is_a_plane(scene_of, velocity, spin):
+    """Position in radii, velocity and spin agree to the rounding of a distance against the size of the box."""
+    plane, box, lid = (
+        fall_on(scene_of, shape, velocity, spin)
+        for shape in (
+            {"shape": "plane", "normal": [0, 0, 3]},
+            {"shape": "box", "lowest": [-0.01] * 3, "highest": [0.01, 0.01, 0], "particles": "outside"},
+            {"shape": "box", "lowest": [-0.01, -0.01, 0], "highest": [0.01] * 3, "particles": "inside"},
+        )
+    )
+    assert plane[-1, 5] > 0.1
     assert np.abs(box - plane).max() < 1e-12
     assert np.abs(lid - plane).max() < 1e-12
 
