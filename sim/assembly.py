@@ -62,7 +62,7 @@ def walls_of(scene: Scene) -> Bodies | None:
     """
     if not scene.walls:
         return None
-    meshes = Meshes([table.diameter for table in scene.particles])
+    meshes = Meshes([size for table in scene.particles for size in (table.smallest, table.largest)])
     solids = [(b, solid) for b, table in enumerate(scene.walls) for solid in solids_of(b, table, meshes)]
     rows, program = rows_of([solid for _, solid in solids])
     blocks, spline = meshes.arrays()

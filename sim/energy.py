@@ -13,7 +13,7 @@ from sim.near_walls import NearWalls
 from sim.neighbors import Neighbors, separation
 from sim.pairs import reduced_radius
 from sim.state import Particles, inertia, mass
-from sim.surface import wall_distance
+from sim.surface import distance_to_wall
 
 
 class Ledger(NamedTuple):
@@ -71,7 +71,7 @@ def wall_elastic_energy(
         for entry in range(near.first[i], near.last[i]):
             x, y, z = position[i, 0], position[i, 1], position[i, 2]
             law = law_of_row(laws, walls.body[near.surface[entry]])
-            overlap = radius[i] - wall_distance(walls, near.surface[entry], x, y, z)[0]
+            overlap = radius[i] - distance_to_wall(walls, near.surface[entry], x, y, z)[0]
             if overlap <= 0.0:
                 continue
             contacts += 1.0

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import prange
 
-from sim.kernel import Array, Flags, Indices, kernel, parallel_kernel
+from sim.kernel import Array, Flags, Indices, kernel, parallel_kernel, signed
 from sim.motion import Bodies
-from sim.surface import wall_distance
+from sim.surface import distance_to_wall
 
 
 class NearWalls(NamedTuple):
@@ -27,7 +27,7 @@ def count_near_walls(position: Array, radius: Array, walls: Bodies, skin: float)
     least = np.full(n, np.inf)
     for i in prange(n):
         for s in range(walls.kind.shape[0]):
-            d = wall_distance(walls, s, position[i, 0], position[i, 1], position[i, 2])[0]
+            d = distance_to_wall(walls, s, position[i, 0], position[i, 1], position[i, 2])[0]
             least[i] = min(least[i], d)
             if d < radius[i] + skin:
                 near[i] += 1
@@ -50,7 +50,7 @@ def list_walls(
     """List the shapes near particle i, with the contacts that its row `before` of the old list had."""
     entry = new.first[i]
     for s in range(walls.kind.shape[0]):
-        d = wall_distance(walls, s, position[i, 0], position[i, 1], position[i, 2])[0]
+        d = distance_to_wall(walls, s, position[i, 0], position[i, 1], position[i, 2])[0]
         if d >= radius[i] + skin or entry >= new.last[i]:
             continue
         new.surface[entry] = s
@@ -76,7 +76,7 @@ def fill_near_walls(
 ) -> None:
     """Fill the list, and carry contacts over from the old one, which numbers the particles in another order."""
     for i in prange(radius.shape[0]):
-        list_walls(i, position, radius, walls, skin, order[i], old, old_spring, new, new_spring)
+        list_walls(signed(i), position, radius, walls, skin, order[i], old, old_spring, new, new_spring)
 
 
 def no_near_walls(n: int) -> NearWalls:

@@ -15,7 +15,7 @@ from sim.packing import pack
 from sim.scene import Scene
 from sim.sizes import drawn_diameters
 from sim.state import Particles
-from sim.surface import wall_distance
+from sim.surface import distance_to_wall
 
 
 def _rows(value: object, n: int) -> Array:
@@ -123,7 +123,7 @@ def check_walls(scene: Scene, p: Particles, walls: Bodies | None) -> None:
     i = int(np.argmax(overlap))
     limit = min(scene.limits.max_overlap, 1.0)
     if overlap[i] > limit:
-        distances = [wall_distance(walls, s, *p.position[i])[0] for s in range(len(walls.kind))]
+        distances = [distance_to_wall(walls, s, *p.position[i])[0] for s in range(len(walls.kind))]
         name = scene.walls[walls.body[int(np.argmin(distances))]].name
         raise InputError(
             f"particle {i} at {p.position[i].tolist()} m overlaps the wall {name!r} by {overlap[i]:.3g} radii "

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.combination import shape_distance
-from sim.kernel import Array, Vector, inlined
+from sim.kernel import Array, Vector, inlined, kernel
 from sim.motion import FIXED, ROTATING, Bodies
 from sim.shapes import SHELL
 
@@ -34,6 +34,12 @@ def wall_distance(walls: Bodies, s: int, x: float, y: float, z: float) -> tuple[
     ny = r[b, 1, 0] * gx + r[b, 1, 1] * gy + r[b, 1, 2] * gz
     nz = r[b, 2, 0] * gx + r[b, 2, 1] * gy + r[b, 2, 2] * gz
     return side * d, side * nx, side * ny, side * nz
+
+
+@kernel
+def distance_to_wall(walls: Bodies, s: int, x: float, y: float, z: float) -> tuple[float, float, float, float]:
+    """Do the same as `wall_distance`, called instead of compiled into every loop: for what is not done every step."""
+    return wall_distance(walls, s, x, y, z)
 
 
 @inlined

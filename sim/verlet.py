@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import prange
 
-from sim.kernel import Array, Indices, Vector, inlined, kernel, parallel_kernel
+from sim.kernel import Array, Indices, Vector, inlined, kernel, parallel_kernel, signed
 from sim.law import ContactLaw
 from sim.motion import Bodies, move_bodies
 from sim.near_walls import NearWalls
@@ -64,11 +64,11 @@ def fill_forces(
     chunks = listed.chunks
     for c in prange(chunks.shape[0] - 1):
         add_pair_forces(
-            c, seen, listed, pair_spring, pairs_roll, species, pair_law, pair_laws, dt, wrench, tally, impacts
+            signed(c), seen, listed, pair_spring, pairs_roll, species, pair_law, pair_laws, dt, wrench, tally, impacts
         )
         if walls is not None:
             add_wall_forces(
-                c, seen, chunks, walls, near, wall_spring, walls_roll, wall_laws, dt, wrench, tally, body_tally,
+                signed(c), seen, chunks, walls, near, wall_spring, walls_roll, wall_laws, dt, wrench, tally, body_tally,
                 wall_impacts,
             )  # fmt: skip
 
@@ -190,7 +190,7 @@ def advance(
         if not drifted:
             for c in prange(chunks):
                 travel[c] = drift_chunk(
-                    c, kicks, step.dt, gravity, position, velocity, spin, seen, wrench, listed, listed_at
+                    signed(c), kicks, step.dt, gravity, position, velocity, spin, seen, wrench, listed, listed_at
                 )
             if walls is not None:
                 move_bodies(walls, (step.number + done + 1) * step.dt)
@@ -205,5 +205,5 @@ def advance(
         if tally[:, 1].max() > step.max_overlap:
             break
     for c in prange(chunks):
-        kick_chunk(c, step.dt, gravity, velocity, spin, seen, wrench, listed)
+        kick_chunk(signed(c), step.dt, gravity, velocity, spin, seen, wrench, listed)
     return done, False, closer
