@@ -41,8 +41,9 @@ def contact_limits(term: str, contact: Contact, reduced_mass: float) -> list[Tim
     normal = contact_time(contact.stiffness, contact.restitution, reduced_mass)
     fewest = FEWEST_STEPS_PER_CONTACT if contact.restitution >= NEARLY_ELASTIC else STEPS_PER_CONTACT
     limits = [TimeLimit(f"{term}, normal spring", normal / fewest, normal / STEPS_PER_CONTACT, contact.stiffness)]
-    damped = damped_limit(contact, reduced_mass)
-    limits.append(TimeLimit(f"{term}, normal dashpot", damped, damped, contact.stiffness))
+    if not contact.attraction:
+        damped = damped_limit(contact, reduced_mass)
+        limits.append(TimeLimit(f"{term}, normal dashpot", damped, damped, contact.stiffness))
     if contact.friction > 0.0:
         tangential = tangential_time(contact.tangential_stiffness_ratio * contact.stiffness, reduced_mass)
         largest = tangential / FEWEST_STEPS_PER_CONTACT
@@ -56,7 +57,7 @@ def contact_limits(term: str, contact: Contact, reduced_mass: float) -> list[Tim
 
 
 def damped_limit(contact: Contact, reduced_mass: float) -> float:
-    """Return the step (s) up to which the normal dashpot is resolved: 0.4 m*/η, which binds only where e is small."""
+    """Return the step (s) up to which the normal dashpot is resolved, 0.4 m*/η: without attraction it may be overdamped."""
     damping = law_of(contact).damping * sqrt(reduced_mass)
     return 0.4 * reduced_mass / damping if damping > 0.0 else inf
 
