@@ -57,7 +57,7 @@ def contact_limits(term: str, contact: Contact, reduced_mass: float) -> list[Tim
 
 
 def damped_limit(contact: Contact, reduced_mass: float) -> float:
-    """Return the step (s) up to which the normal dashpot is resolved, 0.4 m*/η: without attraction it may be overdamped."""
+    """Return the step (s) up to which the normal dashpot is resolved, 0.4 m*/η: it may be overdamped."""
     damping = law_of(contact).damping * sqrt(reduced_mass)
     return 0.4 * reduced_mass / damping if damping > 0.0 else inf
 
