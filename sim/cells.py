@@ -20,13 +20,25 @@ class CellGrid(NamedTuple):
     period: Array  # (3,) m; 0 where nothing repeats
 
 
+@kernel
+def corners(position: Array) -> tuple[Array, Array]:
+    """Return the corners (m) of the bounding box of points (n, 3)."""
+    lowest, highest = position[0].copy(), position[0].copy()
+    for i in range(1, position.shape[0]):
+        for axis in range(3):
+            lowest[axis] = min(lowest[axis], position[i, axis])
+            highest[axis] = max(highest[axis], position[i, axis])
+    return lowest, highest
+
+
 def cell_grid(position: Array, cutoff: float, lowest: Array | None = None, period: Array | None = None) -> CellGrid:
     """Lay cells no smaller than the cutoff (m) over the particles, and no more than a few per particle.
 
     Where `period` (3,) m is not 0 the cells divide it evenly, from `lowest` (3,) m on.
     """
     period = np.zeros(3) if period is None else period
-    corner, extent = position.min(axis=0), np.ptp(position, axis=0)
+    corner, opposite = corners(position)
+    extent = opposite - corner
     if lowest is not None:
         corner, extent = np.where(period > 0.0, lowest, corner), np.where(period > 0.0, period, extent)
     size = cutoff

@@ -7,7 +7,7 @@ from numba import prange
 
 from sim.kernel import Array, Flags, Indices, kernel, parallel_kernel, signed
 from sim.motion import Bodies
-from sim.surface import distance_to_wall
+from sim.surface import wall_distance
 
 
 class NearWalls(NamedTuple):
@@ -27,7 +27,7 @@ def count_near_walls(position: Array, radius: Array, walls: Bodies, skin: float)
     least = np.full(n, np.inf)
     for i in prange(n):
         for s in range(walls.kind.shape[0]):
-            d = distance_to_wall(walls, s, position[i, 0], position[i, 1], position[i, 2])[0]
+            d = wall_distance(walls, s, position[i, 0], position[i, 1], position[i, 2])[0]
             least[i] = min(least[i], d)
             if d < radius[i] + skin:
                 near[i] += 1
@@ -49,8 +49,10 @@ def list_walls(
 ) -> None:
     """List the shapes near particle i, with the contacts that its row `before` of the old list had."""
     entry = new.first[i]
+    if entry == new.last[i]:
+        return
     for s in range(walls.kind.shape[0]):
-        d = distance_to_wall(walls, s, position[i, 0], position[i, 1], position[i, 2])[0]
+        d = wall_distance(walls, s, position[i, 0], position[i, 1], position[i, 2])[0]
         if d >= radius[i] + skin or entry >= new.last[i]:
             continue
         new.surface[entry] = s

@@ -191,41 +191,36 @@ def fill_neighbors(
 
 
 @inlined
-def inherited_entry(old: Neighbors, i: int, j: int) -> int:
-    """Entry of the old list in which i lists j while touching it, or −1."""
-    for entry in range(old.first[i], old.last[i]):
-        if old.partner[entry] == j and old.touching[entry]:
+def entry_of(listed: Neighbors, i: int, j: int) -> int:
+    """Entry in which i lists j, or −1."""
+    for entry in range(listed.first[i], listed.last[i]):
+        if listed.partner[entry] == j:
             return entry
     return -1
 
 
 @kernel
-def inherit_chunk(c: int, order: Indices, old: Neighbors, old_spring: Array, new: Neighbors, new_spring: Array) -> None:
-    """Carry over the contacts of the particles of chunk c."""
-    columns = old_spring.shape[1]
-    for i in range(new.chunks[c], new.chunks[c + 1]):
-        for entry in range(new.first[i], new.last[i]):
-            sign = 1.0
-            before = inherited_entry(old, order[i], order[new.partner[entry]])
-            if before < 0:
-                sign = -1.0
-                before = inherited_entry(old, order[new.partner[entry]], order[i])
-            if before < 0:
-                continue
-            new.touching[entry] = old.touching[before]
-            for axis in range(columns):
-                new_spring[entry, axis] = sign * old_spring[before, axis]
+def inherit_chunk(c: int, place: Indices, old: Neighbors, old_spring: Array, new: Neighbors, new_spring: Array) -> None:
+    """Carry over the contacts that chunk c of the old list has."""
+    for before in range(old.first[old.chunks[c]], old.last[old.chunks[c + 1] - 1]):
+        if old.touching[before]:
+            i, j = place[old.owner[before]], place[old.partner[before]]
+            entry = entry_of(new, min(i, j), max(i, j))
+            if entry >= 0:  # else they are too far apart by now to matter
+                new.touching[entry] = old.touching[before]
+                for axis in range(old_spring.shape[1]):
+                    new_spring[entry, axis] = old_spring[before, axis] if i < j else -old_spring[before, axis]
 
 
 @parallel_kernel
-def inherit_contacts(order: Indices, old: Neighbors, old_spring: Array, new: Neighbors, new_spring: Array) -> None:
+def inherit_contacts(place: Indices, old: Neighbors, old_spring: Array, new: Neighbors, new_spring: Array) -> None:
     """Carry contacts over from a list that numbers the particles in another order.
 
-    A pair may be listed by the other partner now: its displacements then change sign. Frictionless lists pass springs
-    of no columns.
+    `place` (n,) is where each particle of the old order is now. A pair may be listed by the other partner now: its
+    displacements then change sign. Frictionless lists pass springs of no columns.
     """
     for c in prange(new.chunks.shape[0] - 1):
-        inherit_chunk(signed(c), order, old, old_spring, new, new_spring)
+        inherit_chunk(signed(c), place, old, old_spring, new, new_spring)
 
 
 @kernel
@@ -295,5 +290,7 @@ def rebuilt_neighbors(
     new = with_boxes(new)
     none = np.zeros((0, 0))
     spring = None if old_spring is None else np.zeros((len(new.partner), old_spring.shape[1]))
-    inherit_contacts(order, old, none if old_spring is None else old_spring, new, none if spring is None else spring)
+    place = np.empty(len(order), np.int64)
+    place[order] = np.arange(len(order))
+    inherit_contacts(place, old, none if old_spring is None else old_spring, new, none if spring is None else spring)
     return new, spring

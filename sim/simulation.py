@@ -26,7 +26,7 @@ from sim.verlet import Step, Terms, advance, fill_forces
 from sim.walls import BODY_TALLY
 
 THINNEST_SKIN, FIRST_SKIN, THICKEST_SKIN = 0.01, 0.1, 0.4  # of the largest diameter
-REBUILD_COST = 2.0  # see `Simulation.skin_for`
+REBUILD_COST = 3.0  # see `Simulation.skin_for`
 
 
 class Simulation:
@@ -70,8 +70,8 @@ class Simulation:
 
         Raises LimitError where a position is not a number or a centre is beyond a wall.
         """
-        finite = np.isfinite(self.particles.position).all(axis=1)
-        if not finite.all():
+        if not np.isfinite(self.particles.position.sum()):
+            finite = np.isfinite(self.particles.position).all(axis=1)
             raise self._stopped(int(np.argmin(finite)), "position is not a number", "lower time.step")
         radius = self.particles.radius
         self._check_speed()
@@ -229,7 +229,8 @@ class Simulation:
 
     def _check_speed(self) -> None:
         """Stop where a particle is faster than the limit (LimitError)."""
-        speed = np.linalg.norm(self.particles.velocity, axis=1)
+        velocity = self.particles.velocity
+        speed = np.sqrt(np.einsum("ij,ij->i", velocity, velocity))
         row = int(np.argmax(speed))
         limit = self.scene.limits.max_speed or 0.1 * float(self.particles.radius.min()) / self.dt
         if speed[row] > limit:
