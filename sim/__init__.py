@@ -1,7 +1,8 @@
 """Particles in a vessel: the high-fidelity model that makes the snapshots (paper 2.1).
 
 Read in this order: `scene` (what a scene may say), `simulation` (the run), `verlet` (a step), `pairs` and `walls`
-(the contact terms), `contact` (their law), `neighbors`, `shapes`, `motion`, `energy`.
+(the contact terms), `contact` (their law), `neighbors`, `shapes`, `combination`, `gridded` and `mesh` (distance to
+walls), `motion`, `energy`.
 """
 
 from sim.errors import InputError, LimitError

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sim.kernel import threads_for
+from sim.near_walls import no_near_walls
 from sim.simulation import Simulation
-from sim.walls import no_near_walls
 
 MEASURED_STEPS = 200
 MOST_SECONDS = 5.0  # of measured steps: a large scene is measured over fewer

@@ -10,10 +10,11 @@ from sim.granular_temperature import granular_temperature
 from sim.kernel import Array, kernel
 from sim.mixing import lacey_index
 from sim.motion import Bodies
+from sim.near_walls import NearWalls
 from sim.neighbors import Neighbors, separation
 from sim.scene import Scene
 from sim.state import Particles, mass
-from sim.walls import NearWalls, wall_distance
+from sim.surface import distance_to_wall
 
 QUANTILES = (50, 90, 99, 100)  # % of the touching contacts
 
@@ -42,7 +43,7 @@ def wall_overlaps(position: Array, radius: Array, walls: Bodies, near: NearWalls
     for i in range(radius.shape[0]):
         for entry in range(near.first[i], near.last[i]):
             s = near.surface[entry]
-            distance = wall_distance(walls, s, position[i, 0], position[i, 1], position[i, 2])[0]
+            distance = distance_to_wall(walls, s, position[i, 0], position[i, 1], position[i, 2])[0]
             if distance < radius[i]:
                 deep[found] = 0.5 * (1.0 - distance / radius[i])
                 found += 1

@@ -7,12 +7,13 @@ import numpy as np
 
 from sim.contact import spring_energy
 from sim.kernel import Array, Indices, kernel
-from sim.law import ContactLaw, law_between
+from sim.law import ContactLaw, law_between, law_of_row
 from sim.motion import Bodies
+from sim.near_walls import NearWalls
 from sim.neighbors import Neighbors, separation
 from sim.pairs import reduced_radius
 from sim.state import Particles, inertia, mass
-from sim.walls import NearWalls, wall_distance
+from sim.surface import distance_to_wall
 
 
 class Ledger(NamedTuple):
@@ -62,14 +63,15 @@ def pair_elastic_energy(
 
 @kernel
 def wall_elastic_energy(
-    position: Array, radius: Array, walls: Bodies, near: NearWalls, spring: Array | None, law: ContactLaw
+    position: Array, radius: Array, walls: Bodies, near: NearWalls, spring: Array | None, laws: Array
 ) -> tuple[float, float, float]:
     """Energy of all wall springs (J), number of touching walls, largest overlap in radii."""
     energy, contacts, deepest = 0.0, 0.0, 0.0
     for i in range(radius.shape[0]):
         for entry in range(near.first[i], near.last[i]):
             x, y, z = position[i, 0], position[i, 1], position[i, 2]
-            overlap = radius[i] - wall_distance(walls, near.surface[entry], x, y, z)[0]
+            law = law_of_row(laws, walls.body[near.surface[entry]])
+            overlap = radius[i] - distance_to_wall(walls, near.surface[entry], x, y, z)[0]
             if overlap <= 0.0:
                 continue
             contacts += 1.0

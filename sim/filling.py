@@ -5,13 +5,15 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.errors import InputError
+from sim.extent import extent_of
 from sim.kernel import Array
 from sim.motion import Bodies
+from sim.near_walls import count_near_walls
 from sim.scene import Scene
 from sim.sizes import mean_volume
 from sim.species import ParticleTable
-from sim.vessel import Box, Cylinder
-from sim.walls import count_near_walls
+from sim.surface import beyond_shells
+from sim.vessel import Shape
 
 BULK_SOLIDS = 0.6  # volume of the beads in their bulk volume, the convention of stirred media mills
 SAMPLES = 500_000  # cells that a free volume is summed over
@@ -28,22 +30,32 @@ class Region(NamedTuple):
 def bounds(scene: Scene) -> tuple[Array, Array]:
     """Return the corners (m) of the box in which particles may be placed.
 
-    The scene's own filling box, or the bounds of the first closed wall that holds particles.
+    The scene's own filling box, or the bounds of the first closed wall that holds particles, or the periodic box.
     """
     if scene.filling is not None:
         return np.array(scene.filling.lowest), np.array(scene.filling.highest)
     for wall in scene.walls:
         for shape in wall.shapes:
-            if isinstance(shape, Box) and shape.particles == "inside":
-                return np.array(shape.lowest), np.array(shape.highest)
-            if isinstance(shape, Cylinder) and shape.particles == "inside" and shape.length is not None:
-                axis = np.array(shape.axis) / np.linalg.norm(shape.axis)
-                half = shape.radius * np.sqrt(1.0 - axis**2) + 0.5 * shape.length * np.abs(axis)
-                return np.array(shape.centre) - half, np.array(shape.centre) + half
+            extent = extent_of(shape)
+            if extent is not None and isinstance(shape, Shape) and shape.particles == "inside":
+                return _within_period(scene, *extent)
+    if scene.periodic is not None and len(scene.periodic.directions) == 3:
+        return np.array(scene.periodic.lowest), np.array(scene.periodic.highest)
     raise InputError(
         "particles: no wall encloses the particles, so there is no place to pack them; "
         "add a table [filling] with lowest and highest in m, or give their positions"
     )
+
+
+def _within_period(scene: Scene, lowest: Array, highest: Array) -> tuple[Array, Array]:
+    """Cut a box down to the period in the directions that repeat."""
+    if scene.periodic is not None:
+        repeats = np.array(scene.periodic.period) > 0.0
+        lowest, highest = (
+            np.where(repeats, own, corner)
+            for own, corner in ((scene.periodic.lowest, lowest), (scene.periodic.highest, highest))
+        )
+    return lowest, highest
 
 
 def free_volume(lowest: Array, highest: Array, walls: Bodies | None) -> float:
@@ -59,6 +71,7 @@ def free_volume(lowest: Array, highest: Array, walls: Bodies | None) -> float:
     for z in axes[2]:  # a layer at a time bounds the memory
         layer = np.stack(np.meshgrid(axes[0], axes[1], [z], indexing="ij"), axis=-1).reshape(-1, 3)
         _, distance = count_near_walls(layer, np.zeros(len(layer)), walls, 0.0)
+        distance[beyond_shells(layer, walls)] = -np.inf
         free += float(np.clip(0.5 + distance / edges.mean(), 0.0, 1.0).sum())
     return free * float(np.prod(edges))
 

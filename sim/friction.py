@@ -67,6 +67,8 @@ def tangential_force(
 
     The slider with k_t, w η_t and the Coulomb limit μ|F_n| (paper eq. (4), see docs/notation.md).
     """
+    if law.friction == 0.0:  # among others that rub
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0
     damping = share * law.tangential_damping * sqrt(reduced_mass)
     limit = law.friction * abs(normal_load)
     return slider(normal, slip, spring, law.tangential_stiffness, damping, limit, dt, elapsed)
@@ -100,6 +102,8 @@ def rolling_moment(
     stiffness = stiffness if elastic else 1.0
     damping = share * law.rolling_damping * 2.0 * sqrt(stiffness * TANGENTIAL_COMPLIANCE / mobility)
     moment, new, lost = slider(normal, rate, spring, stiffness, damping, limit, dt, elapsed)
+    if law.rolling_friction == 0.0:
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0
     fastest = sqrt(rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2])
     pull = min(limit / fastest, 1.0 / (mobility * dt)) if fastest > 0.0 and dt > 0.0 else 0.0
     if elastic:

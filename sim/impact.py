@@ -8,10 +8,11 @@ import numpy as np
 from sim.filling import Region
 from sim.kernel import Array
 from sim.motion import FIXED, Bodies
+from sim.near_walls import count_near_walls
 from sim.scene import Scene
 from sim.state import Particles
+from sim.surface import wall_speed
 from sim.timestep import sphere_mass
-from sim.walls import count_near_walls, wall_speed
 
 SMALL_OVERLAP = 0.02  # diameters, of an impact at the expected speed
 SAMPLES_PER_EDGE = 48
@@ -83,8 +84,8 @@ def stiffness_for(scene: Scene, speed: float, overlap: float = SMALL_OVERLAP) ->
 
 
 def _contacts(scene: Scene) -> list[tuple[str, float, float]]:
-    """Name, stiffness (N/m) and m*/m of each kind of contact."""
-    kinds = [("contact", scene.contact.stiffness, 0.5)]
+    """Name, least stiffness (N/m) and m*/m of each kind of contact."""
+    kinds = [("contact", min(c.stiffness for c in (scene.contact, *scene.pair_contact)), 0.5)]
     if scene.walls:
-        kinds.append(("wall_contact", scene.law_of_walls.stiffness, 1.0))
+        kinds.append(("wall_contact", min(c.stiffness for c in scene.contacts_with_walls), 1.0))
     return kinds

@@ -92,6 +92,15 @@ def parallel_kernel(function: F) -> F:
 
 
 @inlined
+def signed(index: int) -> int:
+    """Give the index of a parallel loop, which is unsigned there, the type of every other one.
+
+    Otherwise numba compiles what the loop calls twice.
+    """
+    return np.int64(index)  # type: ignore[return-value]
+
+
+@inlined
 def add_to_row(rows: Array, i: int, scale: float, vector: Vector) -> None:
     """Add a multiple of a vector to row i of `rows` (n, 3)."""
     rows[i, 0] += scale * vector[0]

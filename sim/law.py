@@ -84,6 +84,14 @@ def tangential_time(tangential_stiffness: float, reduced_mass: float) -> float:
 
 
 @inlined
+def law_of_row(laws: Array, b: int) -> ContactLaw:
+    """Constants in row b of `laws` (bodies, constants)."""
+    return ContactLaw(
+        laws[b, 0], laws[b, 1], laws[b, 2], laws[b, 3], laws[b, 4], laws[b, 5], laws[b, 6], laws[b, 7], laws[b, 8]
+    )
+
+
+@inlined
 def law_between(laws: Array, a: int, b: int) -> ContactLaw:
     """Constants of a contact of species a with species b, from `laws` (species, species, constants)."""
     return ContactLaw(

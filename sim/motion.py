@@ -13,7 +13,7 @@ class Bodies(NamedTuple):
     """Shapes of a scene, the b rigid bodies that carry them, and how these move; shapes are given as at time zero."""
 
     kind: Indices  # (s,) shape constants
-    parameter: Array  # (s, 8) in the body's frame
+    parameter: Array  # (s, 10) in the body's frame
     side: Array  # (s,) 1 where particles are outside of the solid, −1 inside
     body: Indices  # (s,)
     motion: Indices  # (b,) one of the constants above
@@ -23,6 +23,9 @@ class Bodies(NamedTuple):
     shift: Array  # (b, 3) m, how far that point has moved
     velocity: Array  # (b, 3) m/s of that point
     turn: Array  # (b, 3) rad/s
+    program: Array | None  # (steps, 13) how combinations are evaluated; absent where there is none
+    blocks: Array | None  # (blocks, 2) of the grids of meshes; absent where there is none
+    spline: Array | None  # (stored, 10, 10, 10) m, coefficients of the distance to meshes
 
 
 @kernel

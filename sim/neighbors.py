@@ -24,6 +24,7 @@ from sim.kernel import (
     inlined,
     kernel,
     parallel_kernel,
+    signed,
 )
 
 PARTICLES_PER_CHUNK = 2500  # fewer, larger chunks list fewer pairs twice
@@ -185,7 +186,7 @@ def fill_neighbors(
     """
     wanted = np.zeros(listed.chunks.shape[0] - 1, np.int64)
     for c in prange(wanted.shape[0]):
-        wanted[c] = list_chunk(c, position, radius, inverse_mass, grid, start, skin, listed)
+        wanted[c] = list_chunk(signed(c), position, radius, inverse_mass, grid, start, skin, listed)
     return wanted
 
 
@@ -224,7 +225,7 @@ def inherit_contacts(order: Indices, old: Neighbors, old_spring: Array, new: Nei
     of no columns.
     """
     for c in prange(new.chunks.shape[0] - 1):
-        inherit_chunk(c, order, old, old_spring, new, new_spring)
+        inherit_chunk(signed(c), order, old, old_spring, new, new_spring)
 
 
 @kernel

@@ -4,8 +4,9 @@ from math import sqrt
 
 from sim.kernel import Array, kernel
 from sim.motion import Bodies
+from sim.near_walls import NearWalls
 from sim.neighbors import Neighbors, separation
-from sim.walls import NearWalls, wall_distance
+from sim.surface import distance_to_wall
 
 
 @kernel
@@ -30,7 +31,7 @@ def deepest_wall(position: Array, radius: Array, walls: Bodies, near: NearWalls)
     for i in range(radius.shape[0]):
         for entry in range(near.first[i], near.last[i]):
             s = near.surface[entry]
-            distance = wall_distance(walls, s, position[i, 0], position[i, 1], position[i, 2])[0]
+            distance = distance_to_wall(walls, s, position[i, 0], position[i, 1], position[i, 2])[0]
             overlap = 1.0 - distance / radius[i]
             if overlap > deepest:
                 deepest, row, body = overlap, i, walls.body[s]

@@ -6,8 +6,9 @@ from sim.errors import InputError
 from sim.filling import Region
 from sim.kernel import Array
 from sim.motion import Bodies
+from sim.near_walls import count_near_walls
 from sim.spreading import spread
-from sim.walls import count_near_walls
+from sim.surface import beyond_shells
 
 CLEARANCE = 1e-3  # of a diameter, kept between neighbouring sites of a close packing
 DENSEST_AT_RANDOM = 0.64  # volume fraction; nothing beyond is tried at random
@@ -32,7 +33,7 @@ def free_sites(region: Region, radius: float, walls: Bodies | None) -> Array:
     if walls is None or not len(sites):
         return sites
     _, least = count_near_walls(sites, np.full(len(sites), radius), walls, 0.0)
-    return sites[least > radius]
+    return sites[(least > radius) & ~beyond_shells(sites, walls)]
 
 
 def pack(
@@ -88,6 +89,7 @@ def thrown(region: Region, walls: Bodies | None, radius: Array, rng: np.random.G
         least = np.full(len(left), np.inf)
         if walls is not None:
             least = count_near_walls(position[left], radius[left], walls, 0.0)[1]
+            least[beyond_shells(position[left], walls)] = -np.inf
         left = left[(least < radius[left]) | (low > high).any(axis=1)]
         if not len(left):
             return position

@@ -131,9 +131,9 @@ class Scene(Table):
         return [table.name or f"species {k}" for k, table in enumerate(self.particles)]
 
     @property
-    def law_of_walls(self) -> Contact:
-        """Constants of contacts with walls."""
-        return self.wall_contact or self.contact
+    def contacts_with_walls(self) -> list[Contact]:
+        """Constants of the contacts with each body: its own, those of walls in general, or those of particles."""
+        return [wall.contact or self.wall_contact or self.contact for wall in self.walls]
 
     @property
     def turns(self) -> bool:
@@ -143,7 +143,7 @@ class Scene(Table):
     @property
     def all_contacts(self) -> list[Contact]:
         """Constants of every kind of contact in the scene."""
-        return [self.contact, *self.pair_contact, *([self.law_of_walls] if self.walls else [])]
+        return [self.contact, *self.pair_contact, *self.contacts_with_walls]
 
     @property
     def pairs_roll(self) -> bool:

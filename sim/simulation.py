@@ -5,7 +5,7 @@ from math import sqrt
 
 import numpy as np
 
-from sim.assembly import law_of, laws_of, walls_of
+from sim.assembly import law_of, laws_of, laws_of_walls, walls_of
 from sim.cells import cell_grid, sort_by_cell
 from sim.collisions import BINS
 from sim.diagnostics import diagnostics
@@ -13,15 +13,17 @@ from sim.energy import Ledger, kinetic_energy, pair_elastic_energy, rotational_e
 from sim.errors import LimitError
 from sim.gravity import potential_energy
 from sim.kernel import Array, threads_for
+from sim.near_walls import no_near_walls, rebuilt_near_walls
 from sim.neighbors import empty_neighbors, rebuilt_neighbors
 from sim.overlap import deepest_pair, deepest_wall
 from sim.pairs import TALLY
 from sim.scene import Scene
-from sim.start import StartState, check_pairs, check_walls, starting_particles
+from sim.start import StartState, check_pairs, check_walls, starting_particles, thickest_skin
 from sim.state import Snapshot, reordered, seen_by_forces, travelled, wrap_
+from sim.surface import wall_speed
 from sim.timestep import snapshots_in, time_step
 from sim.verlet import Step, Terms, advance, fill_forces
-from sim.walls import BODY_TALLY, no_near_walls, rebuilt_near_walls, wall_speed
+from sim.walls import BODY_TALLY
 
 THINNEST_SKIN, FIRST_SKIN, THICKEST_SKIN = 0.01, 0.1, 0.4  # of the largest diameter
 REBUILD_COST = 2.0  # see `Simulation.skin_for`
@@ -35,9 +37,9 @@ class Simulation:
         self.dt, self.steps_per_snapshot = time_step(scene)
         self.snapshots = snapshots_in(scene)
         self.gravity = scene.gravity.acceleration if scene.gravity else None
-        self.pair_law, self.pair_laws, self.wall_law = law_of(scene.contact), laws_of(scene), law_of(scene.law_of_walls)
+        self.pair_law, self.pair_laws, self.wall_laws = law_of(scene.contact), laws_of(scene), laws_of_walls(scene)
         self.pairs_roll = True if scene.pairs_roll else None
-        self.walls_roll = True if scene.walls and scene.law_of_walls.rolling else None
+        self.walls_roll = True if any(contact.rolling for contact in scene.contacts_with_walls) else None
         self.period = np.array(scene.periodic.period if scene.periodic else (0.0, 0.0, 0.0))
         self.walls = walls_of(scene)
         self.particles = starting_particles(scene, self.walls, start)
@@ -49,7 +51,8 @@ class Simulation:
         self.spring = np.zeros((len(self.listed.partner), 6 if self.pairs_roll else 3)) if turns else None
         self.near = no_near_walls(n)
         self.wall_spring = np.zeros((0, 6 if self.walls_roll else 3)) if turns else None
-        self.skin = FIRST_SKIN * 2.0 * float(self.particles.radius.max())
+        self.thickest_skin = thickest_skin(scene, 2.0 * float(self.particles.radius.max()))
+        self.skin = min(FIRST_SKIN * 2.0 * float(self.particles.radius.max()), self.thickest_skin)
         chunks = len(self.listed.chunks) - 1
         self.tally = np.zeros((chunks, TALLY))
         self.body_tally = np.zeros((chunks, len(scene.walls), BODY_TALLY))
@@ -119,7 +122,7 @@ class Simulation:
         """
         diameter = 2.0 * float(self.particles.radius.max())
         best = REBUILD_COST * sqrt(closing / diameter) if closing >= 0.0 else 0.0
-        return diameter * min(max(best, THINNEST_SKIN), THICKEST_SKIN)
+        return min(diameter * min(max(best, THINNEST_SKIN), THICKEST_SKIN), self.thickest_skin)
 
     def _advance(self, steps: int, drifted: bool) -> tuple[int, bool, float]:
         p = self.particles
@@ -152,7 +155,7 @@ class Simulation:
             self.near,
             self.wall_spring,
             self.walls_roll,
-            self.wall_law,
+            self.wall_laws,
             self.tally,
             self.body_tally,
             self.impacts,
@@ -192,7 +195,7 @@ class Simulation:
         contacts = 2.0 * pairs
         if self.walls is not None:
             energy, touches, depth = wall_elastic_energy(
-                p.position, p.radius, self.walls, self.near, self.wall_spring, self.wall_law
+                p.position, p.radius, self.walls, self.near, self.wall_spring, self.wall_laws
             )
             elastic, contacts, deepest = elastic + energy, contacts + touches, max(deepest, depth)
         ledger = Ledger(

@@ -11,9 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import prange
 
-from sim.kernel import Array, Flags, Indices, Partners, kernel, parallel_kernel, threads_for
+from sim.kernel import Array, Flags, Indices, Partners, kernel, parallel_kernel, signed, threads_for
 from sim.motion import Bodies
-from sim.walls import count_near_walls, wall_distance
+from sim.near_walls import count_near_walls
+from sim.surface import distance_to_wall
 
 MOST_ROUNDS = 1500
 KEPT = 0.97  # of the last move
@@ -112,7 +113,7 @@ def list_all(
     """Return how many spheres are near each, having written them where `partner` has rows."""
     found = np.zeros(radius.shape[0], np.int64)
     for i in prange(radius.shape[0]):
-        found[i] = list_near(i, position, radius, skin, grid, start, first[i], partner)
+        found[i] = list_near(signed(i), position, radius, skin, grid, start, first[i], partner)
     return found
 
 
@@ -156,7 +157,7 @@ def push_by_walls(i: int, position: Array, radius: Array, walls: Bodies, push: A
     """Add to row i of `push` (n, 3) m its overlaps with walls; return the largest in radii."""
     worst = 0.0
     for s in range(walls.kind.shape[0]):
-        d, nx, ny, nz = wall_distance(walls, s, position[i, 0], position[i, 1], position[i, 2])
+        d, nx, ny, nz = distance_to_wall(walls, s, position[i, 0], position[i, 1], position[i, 2])
         lacking = radius[i] * (1.0 + ROOM) - d
         if lacking <= 0.0:
             continue
@@ -201,7 +202,7 @@ def fill_pushes(
 ) -> None:
     """Set `push` (n, 3) m and the largest overlap (n,) in radii of every sphere."""
     for i in prange(radius.shape[0]):
-        overlap[i] = fill_push(i, position, radius, yielding, near, walls, near_wall, push)
+        overlap[i] = fill_push(signed(i), position, radius, yielding, near, walls, near_wall, push)
 
 
 @kernel
@@ -234,7 +235,7 @@ def move_all(
     """Move every sphere that yields."""
     for i in prange(radius.shape[0]):
         if yielding[i] > 0.0:
-            move_sphere(i, kept, position, move, push, radius, lowest, highest)
+            move_sphere(signed(i), kept, position, move, push, radius, lowest, highest)
 
 
 class Spread(NamedTuple):

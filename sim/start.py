@@ -8,13 +8,14 @@ from sim.errors import InputError
 from sim.filling import numbers_of, region_of
 from sim.kernel import Array, Indices
 from sim.motion import Bodies
+from sim.near_walls import count_near_walls
 from sim.neighbors import Neighbors
 from sim.overlap import deepest_pair
 from sim.packing import pack
 from sim.scene import Scene
 from sim.sizes import drawn_diameters
 from sim.state import Particles
-from sim.walls import count_near_walls, wall_distance
+from sim.surface import distance_to_wall
 
 
 def _rows(value: object, n: int) -> Array:
@@ -122,7 +123,7 @@ def check_walls(scene: Scene, p: Particles, walls: Bodies | None) -> None:
     i = int(np.argmax(overlap))
     limit = min(scene.limits.max_overlap, 1.0)
     if overlap[i] > limit:
-        distances = [wall_distance(walls, s, *p.position[i])[0] for s in range(len(walls.kind))]
+        distances = [distance_to_wall(walls, s, *p.position[i])[0] for s in range(len(walls.kind))]
         name = scene.walls[walls.body[int(np.argmin(distances))]].name
         raise InputError(
             f"particle {i} at {p.position[i].tolist()} m overlaps the wall {name!r} by {overlap[i]:.3g} radii "
@@ -139,3 +140,20 @@ def check_pairs(scene: Scene, p: Particles, listed: Neighbors) -> None:
             f"particles {first} and {second} overlap by {overlap:.3g} radii "
             f"(limits.max_overlap {scene.limits.max_overlap:g}); move them apart, or raise the limit"
         )
+
+
+def thickest_skin(scene: Scene, diameter: float) -> float:
+    """Return the skin (m) up to which a particle has one image of each other in reach, of a largest diameter (m).
+
+    Raises InputError where a periodic box is shorter than two and a half diameters.
+    """
+    if scene.periodic is None:
+        return np.inf
+    period = np.array(scene.periodic.period)
+    shortest = float(period[period > 0.0].min())
+    if shortest < 2.5 * diameter:
+        raise InputError(
+            f"periodic: the box is {shortest:g} m long in {'xyz'[int(np.argmax(period == shortest))]}; it needs "
+            f"{2.5 * diameter:g} m, two and a half of the largest diameters"
+        )
+    return 0.5 * shortest - diameter

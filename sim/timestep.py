@@ -3,7 +3,7 @@
 from math import inf, pi, sqrt
 from typing import NamedTuple
 
-from sim.assembly import law_of
+from sim.assembly import law_of, rolling_constants
 from sim.errors import InputError
 from sim.law import (
     FEWEST_STEPS_PER_CONTACT,
@@ -37,17 +37,38 @@ def sphere_mass(table: ParticleTable, diameter: float) -> float:
 
 
 def contact_limits(term: str, contact: Contact, reduced_mass: float) -> list[TimeLimit]:
-    """Return the limits of the normal and, with friction, of the tangential spring."""
+    """Return the limits of the normal spring and dashpot and, with friction, of what acts in the contact plane."""
     normal = contact_time(contact.stiffness, contact.restitution, reduced_mass)
     fewest = FEWEST_STEPS_PER_CONTACT if contact.restitution >= NEARLY_ELASTIC else STEPS_PER_CONTACT
     limits = [TimeLimit(f"{term}, normal spring", normal / fewest, normal / STEPS_PER_CONTACT, contact.stiffness)]
+    if not contact.attraction:
+        damped = damped_limit(contact, reduced_mass)
+        limits.append(TimeLimit(f"{term}, normal dashpot", damped, damped, contact.stiffness))
     if contact.friction > 0.0:
         tangential = tangential_time(contact.tangential_stiffness_ratio * contact.stiffness, reduced_mass)
         largest = tangential / FEWEST_STEPS_PER_CONTACT
         limits.append(TimeLimit(f"{term}, tangential spring", largest, largest, contact.stiffness))
         slowest = dashpot_limit(contact, reduced_mass)
         limits.append(TimeLimit(f"{term}, tangential dashpot", slowest, slowest, contact.stiffness))
+    if contact.rolling is not None and contact.rolling.model == "elastic-plastic":
+        rolls = rolling_limit(contact, reduced_mass)
+        limits.append(TimeLimit(f"{term}, rolling spring", rolls, rolls, contact.stiffness))
     return limits
+
+
+def damped_limit(contact: Contact, reduced_mass: float) -> float:
+    """Return the step (s) up to which the normal dashpot is resolved, 0.4 m*/η: it may be overdamped."""
+    damping = law_of(contact).damping * sqrt(reduced_mass)
+    return 0.4 * reduced_mass / damping if damping > 0.0 else inf
+
+
+def rolling_limit(contact: Contact, reduced_mass: float) -> float:
+    """Return a twentieth of half a period of the rolling spring (s), π sqrt(I*/k_r), of a sphere on a wall.
+
+    I* = 2/5 m r² and k_r = 2.25 k μ_r² r²; between two equal spheres the period is longer.
+    """
+    friction, stiffness, _ = rolling_constants(contact)
+    return pi * sqrt(0.4 * reduced_mass / stiffness) / FEWEST_STEPS_PER_CONTACT if friction else inf
 
 
 def dashpot_limit(contact: Contact, reduced_mass: float) -> float:
@@ -63,8 +84,30 @@ def time_limits(scene: Scene) -> list[TimeLimit]:
     alone = [table.number for table in scene.particles] == [1]
     if not alone or not scene.walls:
         limits += contact_limits("contact between particles", scene.contact, lightest / 2.0)
-    if scene.walls:
-        limits += contact_limits("contact with walls", scene.law_of_walls, lightest)
+    limits += pair_limits(scene)
+    limits += wall_limits(scene, lightest)
+    return limits
+
+
+def pair_limits(scene: Scene) -> list[TimeLimit]:
+    """Return the limits of the pairs of species that have their own constants."""
+    limits = []
+    lightest = dict(zip(scene.species, map(particle_mass, scene.particles), strict=True))
+    for table in scene.pair_contact:
+        a, b = table.between
+        reduced_mass = 1.0 / (1.0 / lightest[a] + 1.0 / lightest[b])
+        limits += contact_limits(f"contact of {a!r} with {b!r}", table, reduced_mass)
+    return limits
+
+
+def wall_limits(scene: Scene, lightest: float) -> list[TimeLimit]:
+    """Return the limits of the contacts with walls in general, and with each body that has its own."""
+    limits = []
+    if any(wall.contact is None for wall in scene.walls):
+        limits += contact_limits("contact with walls", scene.wall_contact or scene.contact, lightest)
+    for wall in scene.walls:
+        if wall.contact is not None:
+            limits += contact_limits(f"contact with the wall {wall.name!r}", wall.contact, lightest)
     return limits
 
 

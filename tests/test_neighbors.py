@@ -69,7 +69,7 @@ def test_list_holds_the_nearest_image_of_every_near_pair_where_the_box_repeats(s
 
 
 def test_two_fixed_particles_are_no_pair():
-    position = np.array([[0, 0, 0], [1e-3, 0, 0], [0, 1e-3, 0]])
+    position = np.array([[0, 0, 0], [1e-3, 0, 0], [5e-4, 9e-4, 0]])
     order, listed, _ = build(position, np.full(3, 6e-4), 1e-4, fixed=np.array([True, True, False]))
     assert {frozenset(map(int, pair)) for pair in pairs_of(order, listed)} == {frozenset({0, 2}), frozenset({1, 2})}
 

@@ -9,6 +9,8 @@ import pytest
 import typer
 from pydantic import BaseModel
 
+from sim import parse_scene
+from sim.assembly import walls_of
 from sim.scene import Scene
 from suffice.__main__ import app
 
@@ -59,13 +61,14 @@ def test_every_file_that_a_page_points_to_is_there(page):
         assert (here / target).exists() or (page.parent / target).exists(), target
 
 
-def keys_of(annotation):
-    """Names of all keys of a table and of the tables within it."""
+def keys_of(annotation, within=()):
+    """Names of all keys of a table and of the tables within it, which may hold tables of their own kind."""
     if get_origin(annotation) in (Annotated, Union, UnionType, list, tuple):
-        return {key for part in get_args(annotation) for key in keys_of(part)}
-    if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
+        return {key for part in get_args(annotation) for key in keys_of(part, within)}
+    if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)) or annotation in within:
         return set()
-    return set(annotation.model_fields).union(*(keys_of(f.annotation) for f in annotation.model_fields.values()))
+    fields = annotation.model_fields
+    return set(fields).union(*(keys_of(f.annotation, (*within, annotation)) for f in fields.values()))
 
 
 def test_page_on_scenes_names_every_key_that_a_scene_knows():
@@ -74,6 +77,21 @@ def test_page_on_scenes_names_every_key_that_a_scene_knows():
     assert {"diameter", "rpm", "max_overlap"} <= keys
     missing = {key for key in keys if not re.search(rf"[`\[.]{key}[`\].]", text)}
     assert not missing
+
+
+@pytest.mark.parametrize("number", range(len(blocks(TOP / "docs" / "walls.md", "toml"))))
+def test_every_wall_on_the_page_on_walls_belongs_in_a_scene(beads, number, tmp_path, monkeypatch):
+    pytest.importorskip("vtkmodules.vtkIOGeometry")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    corners = {"a": "0 0 0", "b": "0 1 0", "c": "1 0 0", "d": "0 0 1"}
+    lines = ["solid tetrahedron"]
+    for face in ("abc", "acd", "adb", "bdc"):
+        vertices = [f"vertex {corners[corner]}" for corner in face]
+        lines += ["facet normal 0 0 0", "outer loop", *vertices, "endloop", "endfacet"]
+    Path("impeller.stl").write_text("\n".join([*lines, "endsolid", ""]))
+    scene = parse_scene(beads + blocks(TOP / "docs" / "walls.md", "toml")[number])
+    assert walls_of(scene).kind.size > 6
 
 
 @pytest.mark.physics

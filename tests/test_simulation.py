@@ -154,7 +154,12 @@ def test_a_particle_that_is_driven_into_a_wall_stops_the_run_and_names_the_wall(
 
 def test_a_particle_that_gets_behind_a_wall_stops_the_run_even_without_a_limit():
     floor = {"name": "floor", "shapes": [{"shape": "plane", "normal": [0, 0, 1]}]}
-    scene = falling([[0, 0, D], [5 * D, 0, D]], [[0, 0, 0], [0, 0, -500.0]], walls=[floor], limits={"max_overlap": inf})
+    scene = falling(
+        [[0, 0, D], [5 * D, 0, D]],
+        [[0, 0, 0], [0, 0, -500.0]],
+        walls=[floor],
+        limits={"max_overlap": inf, "max_speed": 1e3},
+    )
     with pytest.raises(
         LimitError, match=r"particle 1 is .* m behind a wall at t = .* s, position \(.*\) m; raise wall"
     ):

@@ -4,11 +4,13 @@ from math import pi
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
-from sim import InputError, Simulation, simulate
+from sim import InputError, Scene, Simulation, simulate
 from sim.assembly import walls_of
 from sim.motion import move_bodies
-from sim.walls import wall_distance
+from sim.surface import beyond_shells, wall_distance
+from sim.timestep import time_limits, time_step
 
 BEAD = {"diameter": 1e-3, "density": 2500.0}
 MASS = 2500.0 * pi * 1e-3**3 / 6
@@ -50,20 +52,33 @@ def test_distance_to_a_moving_wall_travels_with_it(scene_of, motion):
     np.testing.assert_allclose(after[1:], walls.rotation[0] @ np.array(before[1:]), atol=1e-12)
 
 
-def fall_on(scene_of, shape):
+def fall_on(scene_of, shape, velocity, spin):
     scene = scene_of(
-        particles=[{**BEAD, "position": [[3e-4, 1e-4, 1.4e-3]], "velocity": [[0.2, -0.1, -0.7]]}],
+        particles=[{**BEAD, "position": [[3e-4, 1e-4, 1.4e-3]], "velocity": [velocity], "angular_velocity": [spin]}],
         contact={"restitution": 0.8, "friction": 0.3},
         walls=[{"name": "floor", "shapes": [shape]}],
         **RUN,
     )
-    return np.array([s.position[0] for s in simulate(scene)])
+    return np.array(
+        [[*(s.position[0] / 5e-4), *s.velocity[0], *(5e-4 * s.angular_velocity[0])] for s in simulate(scene)]
+    )
 
 
-def test_face_of_a_large_box_is_a_plane(scene_of):
-    plane = fall_on(scene_of, {"shape": "plane", "normal": [0, 0, 3]})
-    box = fall_on(scene_of, {"shape": "box", "lowest": [-1, -1, -1], "highest": [1, 1, 0], "particles": "outside"})
-    lid = fall_on(scene_of, {"shape": "box", "lowest": [-1, -1, 0], "highest": [1, 1, 1], "particles": "inside"})
+@pytest.mark.parametrize(
+    ("velocity", "spin"),
+    [([0.2, -0.1, -0.7], [0, 0, 0]), ([0.5, 0.1, -0.2], [300, -900, 100]), ([0, 0, -1], [0, 0, 500])],
+)
+def test_face_of_a_box_is_a_plane(scene_of, velocity, spin):
+    """Position in radii, velocity and spin agree to the rounding of a distance against the size of the box."""
+    plane, box, lid = (
+        fall_on(scene_of, shape, velocity, spin)
+        for shape in (
+            {"shape": "plane", "normal": [0, 0, 3]},
+            {"shape": "box", "lowest": [-0.01] * 3, "highest": [0.01, 0.01, 0], "particles": "outside"},
+            {"shape": "box", "lowest": [-0.01, -0.01, 0], "highest": [0.01] * 3, "particles": "inside"},
+        )
+    )
+    assert plane[-1, 5] > 0.1
     assert np.abs(box - plane).max() < 1e-12
     assert np.abs(lid - plane).max() < 1e-12
 
@@ -124,4 +139,183 @@ def test_copies_without_an_axis_are_refused(scene_of):
     pins = {"shape": "cylinder", "axis": [1, 0, 0], "radius": 1e-3, "particles": "outside", "copies": 3}
     scene = scene_of(particles=[{**BEAD, "position": [[0, 0, 1]]}], walls=[{"name": "rotor", "shapes": [pins]}], **RUN)
     with pytest.raises(InputError, match=r"walls\.0\.shapes\.0\.copies = 3.*rotation"):
+        Simulation(scene)
+
+
+@pytest.mark.physics
+def test_sphere_in_a_turning_drum_ends_without_slip_and_the_shaft_pays_for_it(scene_of):
+    """Held at the lowest place of a drum, ω_s r_s = Ω R: both surfaces go the same way where they touch."""
+    drum = {"shape": "cylinder", "axis": [0, 1, 0], "radius": 5e-3, "particles": "inside"}
+    omega = 100 * 2 * pi / 60
+    scene = scene_of(
+        particles=[{**BEAD, "position": [[0, 0, -4.5e-3]]}],
+        contact={"restitution": 0.7, "friction": 0.4},
+        gravity={"acceleration": [0, 0, -9.81]},
+        walls=[{"name": "drum", "shapes": [drum],
+                "motion": {"kind": "rotation", "axis": [0, 1, 0], "rpm": 100.0}}],
+        time={"duration": 1.0},
+        output={"interval": 1e-2},
+    )  # fmt: skip
+    snapshots = list(simulate(scene))
+    first, last = snapshots[0], snapshots[-1]
+    slip = last.velocity[0] + np.cross(last.angular_velocity[0], 5e-4 * last.position[0] / 4.5e-3)
+    wall = np.cross([0, omega, 0], 5e-3 * last.position[0] / 4.5e-3)
+    assert np.abs(slip - wall).max() < 0.01 * omega * 5e-3
+    work = last.series["energy.wall_work"]
+    assert work > 0
+    assert last.series["energy.balance"] - first.series["energy.balance"] == pytest.approx(0.0, abs=0.01 * work)
+    shaft = sum(s.series["torque.drum.y"] for s in snapshots[1:]) * 1e-2
+    assert shaft * omega == pytest.approx(work, rel=1e-6)
+
+
+CONE = {"shape": "cone", "axis": [0, 0, 1], "radii": [2e-3, 8e-3], "length": 6e-3, "particles": "inside"}
+
+
+def slide_down(scene_of, shapes, **bead):
+    scene = scene_of(
+        particles=[{**BEAD, **bead}],
+        contact={"restitution": 0.9, "friction": 0.3},
+        gravity={"acceleration": [0, 0, -9.81]},
+        walls=[{"name": "hopper", "shapes": shapes}],
+        time={"duration": 0.06},
+        output={"interval": 1e-4},
+    )
+    return list(simulate(scene))
+
+
+def test_bead_rolls_down_the_side_of_a_cone_as_down_a_plane(scene_of):
+    """In the plane of symmetry a slope of 45° is that of the plane which touches the cone there."""
+    plane = {"shape": "plane", "point": [5e-3, 0, 0], "normal": [-1, 0, 1]}
+    bead = {"position": [[4e-3, 0, 4e-4]]}
+    paths = [np.array([s.position[0] for s in slide_down(scene_of, [shape], **bead)]) for shape in
+             (plane, CONE, CONE | {"open": ["-", "+"]})]  # fmt: skip
+    while_on_it = (paths[0][:, 2] > -2e-3).nonzero()[0]
+    assert len(while_on_it) > 100
+    for path in paths[1:]:
+        assert np.abs(path - paths[0])[while_on_it].max() < 1e-12
+
+
+def test_bead_leaves_a_hopper_that_is_open_below_and_stays_in_one_that_is_closed(scene_of):
+    bead = {"position": [[3e-3, 1e-3, 1e-3]]}
+    out = slide_down(scene_of, [CONE | {"open": ["-", "+"]}], **bead)
+    kept = slide_down(scene_of, [CONE | {"open": ["+"]}], **bead)
+    assert out[-1].position[0, 2] < -5e-3
+    assert min(s.position[0, 2] for s in kept) > -3e-3
+    assert max(np.hypot(*s.position[0, :2]) for s in kept) < 8e-3
+
+
+def test_cone_that_is_a_cylinder_holds_as_a_cylinder(scene_of):
+    cone = CONE | {"radii": [4e-3, 4e-3]}
+    tube = {"shape": "cylinder", "axis": [0, 0, 1], "radius": 4e-3, "length": 6e-3, "particles": "inside"}
+    bead = {"position": [[3e-3, 1e-3, 1e-3]], "velocity": [0.3, 0.2, 0.4]}
+    for opened in ([], ["+"], ["-", "+"]):
+        paths = [
+            [s.position[0] for s in slide_down(scene_of, [shape | {"open": opened}], **bead)] for shape in (cone, tube)
+        ]
+        np.testing.assert_allclose(*paths, atol=1e-12)
+
+
+def test_beads_are_packed_in_a_hopper_and_not_around_it(scene_of):
+    hopper = CONE | {"open": ["-", "+"]}
+    filling = {"lowest": [-8e-3, -8e-3, -3e-3], "highest": [8e-3, 8e-3, 6e-3]}
+    for table in ({}, {"filling": filling}):
+        scene = scene_of(particles=[{**BEAD, "count": 150}], walls=[{"name": "w", "shapes": [hopper]}], **table, **RUN)
+        run = Simulation(scene)
+        beads = run.particles.position
+        beside = np.abs(beads[:, 2]) < 3e-3
+        side = (5e-3 + beads[:, 2] - np.hypot(beads[:, 0], beads[:, 1])) / np.sqrt(2)
+        assert (side[beside] > 5e-4).all()
+        assert not beyond_shells(beads, run.walls).any()
+
+
+@pytest.mark.parametrize("shape", ["sphere", "capsule", "torus", "cone"])
+def test_every_closed_shape_holds_a_shaken_bead_and_keeps_its_energy(scene_of, shape):
+    table = {
+        "sphere": {"radius": 3e-3},
+        "capsule": {"axis": [1, 0, 1], "radius": 2e-3, "length": 3e-3},
+        "torus": {"axis": [0, 0, 1], "radius": 3e-3, "tube_radius": 1.5e-3},
+        "cone": {"axis": [0, 1, 1], "radii": [1.5e-3, 4e-3], "length": 5e-3},
+    }[shape]
+    start = [3e-3, 0, 0] if shape == "torus" else [0, 0, 0]
+    scene = scene_of(
+        particles=[{**BEAD, "position": [start], "velocity": [0.3, 0.5, 0.2]}],
+        walls=[{"name": "w", "shapes": [{"shape": shape, "particles": "inside", **table}]}],
+        time={"duration": 0.1},
+        output={"interval": 1e-3},
+    )
+    snapshots = list(simulate(scene))
+    balance = [s.series["energy.balance"] for s in snapshots]
+    assert max(np.abs(s.position).max() for s in snapshots) < 6e-3  # of the 60 mm that it goes
+    np.testing.assert_allclose(balance, balance[0], rtol=1e-3)
+
+
+SMOOTH = {"stiffness": 4e4, "restitution": 0.6}
+ROUGH = {"stiffness": 1e4, "restitution": 0.9, "friction": 0.5}
+
+
+def two_floors(scene_of, **tables):
+    """Two beads that hit a rough and a smooth floor."""
+
+    def floor(name, x, **more):
+        box = {"shape": "box", "lowest": [x - 0.1, -1, -1], "highest": [x + 0.1, 1, 0], "particles": "outside"}
+        return {"name": name, "shapes": [box], **more}
+
+    return scene_of(
+        particles=[{**BEAD, "position": [[-0.1, 0, 7e-4], [0.1, 0, 7e-4]], "velocity": [0.0, 0.2, -0.5]}],
+        contact={"stiffness": 1e3},
+        wall_contact=ROUGH,
+        walls=[floor("rough", -0.1), floor("smooth", 0.1, contact=SMOOTH)],
+        **({"time": {"duration": 2e-3}, "output": {"interval": 1e-4}} | tables),
+    )
+
+
+def test_each_body_has_the_contact_that_it_was_given(scene_of):
+    snapshots = list(simulate(two_floors(scene_of)))
+    rough, smooth = snapshots[-1].velocity
+    assert rough[2] == pytest.approx(0.9 * 0.5, rel=1e-3)
+    assert smooth[2] == pytest.approx(0.6 * 0.5, rel=4e-3)
+    spin = snapshots[-1].angular_velocity
+    assert spin[0, 0] < -100.0
+    np.testing.assert_allclose(smooth[:2], [0, 0.2], atol=1e-15)
+    np.testing.assert_array_equal(spin[1], 0)
+    balance = [s.series["energy.balance"] for s in snapshots]
+    assert balance[-1] == pytest.approx(balance[0], rel=1e-3)
+
+
+def test_the_stiffest_body_binds_the_time_step_and_is_named(scene_of):
+    limits = time_limits(two_floors(scene_of))
+    assert min(limits, key=lambda limit: limit.largest).term == "contact with the wall 'smooth', normal spring"
+    with pytest.raises(
+        InputError, match=r"set by the contact with the wall 'smooth', normal spring \(stiffness 40000 N/m"
+    ):
+        time_step(two_floors(scene_of, time={"duration": 2e-3, "step": 2e-5}))
+
+
+@pytest.mark.parametrize(
+    ("shape", "says"),
+    [
+        ({"shape": "sphere", "radius": 1.0}, 'particles: missing; give "inside" or "outside"'),
+        (CONE | {"particles": "outside", "open": ["+"]}, "open: a solid has no open faces"),
+        ({"shape": "cylinder", "axis": [0, 0, 1], "radius": 1.0, "particles": "inside", "open": ["+"]},
+         "open: an endless cylinder has no ends"),
+    ],
+)  # fmt: skip
+def test_a_wall_without_a_side_or_with_ends_that_it_has_not_is_refused(shape, says):
+    scene = {"particles": [{**BEAD, "count": 1}], "contact": ROUGH, **RUN, "walls": [{"name": "w", "shapes": [shape]}]}
+    with pytest.raises(ValidationError, match=says):
+        Scene.model_validate(scene)
+
+
+@pytest.mark.parametrize(
+    ("shape", "says"),
+    [
+        (CONE | {"radii": [0.0, 0.0]}, r"radii = \[0.0, 0.0\] m: must not be negative, nor both zero"),
+        (CONE | {"axis": [0, 0, 0]}, r"axis = \[0.0, 0.0, 0.0\]: has no direction"),
+        ({"shape": "torus", "axis": [0, 0, 1], "radius": 1.0, "tube_radius": 2.0, "particles": "outside"},
+         "tube_radius = 2 m: leaves no hole; at most radius 1"),
+    ],
+)  # fmt: skip
+def test_shapes_that_are_none_are_refused(scene_of, shape, says):
+    scene = scene_of(particles=[{**BEAD, "position": [[9, 9, 9]]}], walls=[{"name": "w", "shapes": [shape]}], **RUN)
+    with pytest.raises(InputError, match=r"walls\.0\.shapes\.0\." + says):
         Simulation(scene)

@@ -50,7 +50,7 @@ pair_style granular
 pair_coeff * * {contact_law(scene.contact)}
 timestep {number(dt)}
 fix move all nve/sphere
-{weight}{wall_commands(scene, walls, contact_law(scene.law_of_walls))}
+{weight}{wall_commands(scene, walls, [contact_law(contact) for contact in scene.contacts_with_walls])}
 {spread}dump out all custom {every} {DUMP} {COLUMNS}
 dump_modify out format float %.17g
 thermo {every}

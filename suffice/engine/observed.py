@@ -9,8 +9,8 @@ from sim.energy import kinetic_energy, rotational_energy
 from sim.gravity import potential_energy
 from sim.kernel import Array
 from sim.motion import Bodies, move_bodies
+from sim.near_walls import count_near_walls
 from sim.state import Particles
-from sim.walls import count_near_walls
 
 SERIES = ("coordination", "energy.kinetic", "energy.potential", "energy.rotational", "max_overlap")
 

@@ -8,7 +8,7 @@ import numpy as np
 from sim import Scene
 from sim.kernel import Array
 from sim.motion import OSCILLATING, ROTATING, TRANSLATING, Bodies, rotation_about
-from sim.shapes import BOX, CYLINDER, PLANE, TUBE
+from sim.shapes import BOX, CYLINDER, PLANE, SPHERE, TUBE
 from suffice.engine.expressible import REMEDY
 from suffice.refusal import Refusal
 
@@ -36,7 +36,7 @@ def numbers(values: Array) -> str:
     return " ".join(number(float(value)) for value in values)
 
 
-def wall_commands(scene: Scene, walls: Bodies | None, law: str) -> str:
+def wall_commands(scene: Scene, walls: Bodies | None, laws: list[str]) -> str:
     """Return the commands of all walls: per body its variables, per shape a region and the fix that acts on particles.
 
     Raises Refusal for a shape or an orientation that LAMMPS has no region for.
@@ -46,7 +46,7 @@ def wall_commands(scene: Scene, walls: Bodies | None, law: str) -> str:
     lines = [line for b in range(len(walls.motion)) for line in _displacement(b, walls)]
     for s in range(len(walls.kind)):
         lines += _region(s, scene.walls[walls.body[s]].name, walls)
-        lines.append(f"fix shape{s} all wall/gran/region granular {law} region shape{s}")
+        lines.append(f"fix shape{s} all wall/gran/region granular {laws[walls.body[s]]} region shape{s}")
     return "\n".join(lines)
 
 
@@ -73,6 +73,8 @@ def _region(s: int, name: str, walls: Bodies) -> list[str]:
     elif kind == BOX:
         faces = np.stack([p[:3] - p[3:6], p[:3] + p[3:6]], axis=1).ravel()
         style = f"block {numbers(faces)}"
+    elif kind == SPHERE:
+        style = f"sphere {numbers(p[:3])} {number(p[3])}"
     elif kind in (TUBE, CYLINDER):
         turned = _turned(p[:3], p[3:6], about if speed else None, point, name)
         about, point, angle = turned.about, turned.point, turned.angle
