@@ -150,7 +150,7 @@ def bead_actor(position: NDArray[Any], radius: NDArray[Any], speed: NDArray[Any]
     return actor
 
 
-def scale_actor(fastest: float) -> vtk.vtkScalarBarActor:
+def scale_actor(fastest: float, width: int) -> vtk.vtkScalarBarActor:
     """Return the colour scale."""
     scale = vtk.vtkScalarBarActor()
     scale.SetLookupTable(colours(fastest))
@@ -160,7 +160,7 @@ def scale_actor(fastest: float) -> vtk.vtkScalarBarActor:
     scale.UnconstrainedFontSizeOn()
     for text, size in ((scale.GetTitleTextProperty(), 26), (scale.GetLabelTextProperty(), 24)):
         text.SetColor(*INK)
-        text.SetFontSize(size)
+        text.SetFontSize(size * width // 1400)
         text.ItalicOff()
         text.BoldOff()
         text.ShadowOff()
@@ -171,7 +171,7 @@ def scale_actor(fastest: float) -> vtk.vtkScalarBarActor:
     return scale
 
 
-def lit_scene(actors: list[vtk.vtkActor], reach: float) -> vtk.vtkRenderer:
+def lit_scene(actors: list[vtk.vtkActor], reach: float, upright: bool) -> vtk.vtkRenderer:
     """Return a renderer with three lights and ambient occlusion, which shows how the beads lie on each other."""
     renderer = vtk.vtkRenderer()
     renderer.SetBackground(1.0, 1.0, 1.0)
@@ -179,7 +179,8 @@ def lit_scene(actors: list[vtk.vtkActor], reach: float) -> vtk.vtkRenderer:
     for place, strength in (((-1.0, 2.0, 2.5), 0.85), ((2.0, 0.6, 2.0), 0.35), ((0.0, -1.0, 2.0), 0.15)):
         light = vtk.vtkLight()
         light.SetLightTypeToSceneLight()
-        light.SetPosition(*(10.0 * reach * np.array(place)))
+        right, up, near = 10.0 * reach * np.array(place)
+        light.SetPosition(*((right, -near, up) if upright else (right, up, near)))
         light.SetFocalPoint(0.0, 0.0, 0.0)
         light.SetIntensity(strength)
         renderer.AddLight(light)
@@ -232,8 +233,8 @@ def draw(run_file: str, path: str, time: float, fastest: float, upright: bool, w
     if upright:
         low, high = position[:, 2].min(), max(position[:, 2].max(), 0.045)
         reach, middle = 0.62 * MM * float(high - low), 0.5 * MM * float(high + low)
-    renderer = lit_scene(actors, reach)
-    renderer.AddViewProp(scale_actor(fastest))
+    renderer = lit_scene(actors, reach, upright)
+    renderer.AddViewProp(scale_actor(fastest, width))
     camera = renderer.GetActiveCamera()
     if upright:
         camera.SetFocalPoint(0.16 * reach, 0.0, middle)

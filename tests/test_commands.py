@@ -82,7 +82,10 @@ def test_built_in_scenes_are_listed_and_printed_to_be_copied(suffice):
     assert [line.split()[0] for line in listed.out.splitlines()] == ["mini_mill", "shaken_box"]
     printed = suffice("scenes", "mini_mill")
     assert printed.out.startswith("# A small dry bead mill")
-    refused(suffice("scenes", "maxi_mill"), "scene 'maxi_mill' is not built in; there are mini_mill, shaken_box")
+    refused(
+        suffice("scenes", "maxi_mill"),
+        "scene 'maxi_mill' is not built in; there are drum, hopper, mini_mill, shaken_box",
+    )
 
 
 def test_a_scene_becomes_a_run_whose_cost_is_told(suffice, beads, here):

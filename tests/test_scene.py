@@ -189,5 +189,7 @@ def test_every_built_in_scene_says_what_it_is_and_is_valid():
 def test_a_scene_that_is_neither_built_in_nor_a_text_is_refused(tmp_path):
     (tmp_path / "noise.toml").write_bytes(b"\xff\xfe\xfa")
     for place in ("no_such_scene", str(tmp_path), str(tmp_path / "noise.toml")):
-        with pytest.raises(InputError, match=r"no such file or not a text .* built-in scenes: mini_mill, shaken_box"):
+        with pytest.raises(
+            InputError, match=r"no such file or not a text .* built-in scenes: drum, hopper, mini_mill, shaken_box"
+        ):
             scene_text(place)
