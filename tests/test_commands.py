@@ -79,7 +79,7 @@ def test_help_of_every_command_names_its_options(suffice):
 
 def test_built_in_scenes_are_listed_and_printed_to_be_copied(suffice):
     listed = suffice("scenes")
-    assert [line.split()[0] for line in listed.out.splitlines()] == ["mini_mill", "shaken_box"]
+    assert [line.split()[0] for line in listed.out.splitlines()] == ["drum", "hopper", "mini_mill", "shaken_box"]
     printed = suffice("scenes", "mini_mill")
     assert printed.out.startswith("# A small dry bead mill")
     refused(
