@@ -184,8 +184,8 @@ def test_where_the_output_is_cut_does_not_change_the_run(beads):
     assert np.abs(coarse.snapshot().position - fine.snapshot().position).max() < 1e-12
 
 
-def closing(scene):
-    """Return the largest change of the balance over a run, against the work of the walls, and the last snapshot."""
+def closing(scene, measure=np.max):
+    """Return the largest change of the balance over a run against the work of the walls, and the last snapshot."""
     series, last = [], None
     for snapshot in simulate(scene):
         last = snapshot
@@ -193,7 +193,7 @@ def closing(scene):
     balance, work, dissipated = np.array(series).T
     # friction is booked as what it did: a law that pushed beads on would show as dissipation that falls
     assert (np.diff(dissipated) > -1e-3 * np.diff(dissipated).max()).all()
-    return np.abs(balance - balance[0]).max() / np.abs(work).max(), last
+    return measure(np.abs(balance - balance[0])) / np.abs(work).max(), last
 
 
 def tables_of(name, **changes):
@@ -227,5 +227,6 @@ def test_the_shaken_box_loses_no_bead_in_200_ms_and_its_energy_is_accounted_for(
 @pytest.mark.physics
 def test_the_ledger_of_the_shaken_box_closes_better_with_a_smaller_step():
     base, _ = time_step(tables_of("shaken_box"))
-    gaps = [closing(tables_of("shaken_box", time={"step": base / k, "duration": 0.05}))[0] for k in (1, 4)]
-    assert gaps[1] < gaps[0] / 4  # first order at least: a quarter of the step, a quarter of the gap
+    steps = [tables_of("shaken_box", time={"step": base / k, "duration": 0.05}) for k in (1, 4)]
+    gaps = [closing(scene, np.median)[0] for scene in steps]  # the largest is of a moment in the midst of contacts
+    assert gaps[1] < gaps[0] / 8  # between first order, 4, and second, 16
