@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.motion import move_bodies
-from sim.simulation import Simulation
+from sim.simulation import AnyRun, Simulation
 
 TUPLES = ("particles", "listed", "near")
 ARRAYS = ("seen", "wrench", "spring", "wall_spring", "listed_at", "tally", "body_tally", "reported",
@@ -15,9 +15,12 @@ ARRAYS = ("seen", "wrench", "spring", "wall_spring", "listed_at", "tally", "body
 NUMBERS = ("step", "listed_step", "wall_speed", "skin")
 
 
-def state_of(run: Simulation) -> dict[str, NDArray[Any]]:
+def state_of(run: AnyRun) -> dict[str, NDArray[Any]]:
     """Return copies of all arrays and numbers of a run, by name; absent terms have no entry."""
-    state = {name: np.asarray(getattr(run, name)) for name in NUMBERS}
+    if not isinstance(run, Simulation):
+        return {"step": np.asarray(run.step)} | run.fluid_state()
+    state = run.fluid_state()
+    state |= {name: np.asarray(getattr(run, name)) for name in NUMBERS}
     for name in TUPLES:
         for field, rows in getattr(run, name)._asdict().items():
             if rows is not None:
@@ -26,12 +29,16 @@ def state_of(run: Simulation) -> dict[str, NDArray[Any]]:
     return state
 
 
-def restore_(run: Simulation, state: dict[str, NDArray[Any]]) -> None:
+def restore_(run: AnyRun, state: dict[str, NDArray[Any]]) -> None:
     """Put a run of the same scene into a state that `state_of` returned.
 
     Walls need no entry: their pose is a function of time. Raises KeyError where the state is of another kind of scene.
     """
-    run.step, run.listed_step = int(state["step"]), int(state["listed_step"])
+    run.step = int(state["step"])
+    if not isinstance(run, Simulation):
+        run.restore_fluid_(state)
+        return
+    run.listed_step = int(state["listed_step"])
     run.wall_speed, run.skin = float(state["wall_speed"]), float(state["skin"])
     for name in TUPLES:
         fields = getattr(run, name)._asdict()
@@ -42,3 +49,4 @@ def restore_(run: Simulation, state: dict[str, NDArray[Any]]) -> None:
             setattr(run, name, state[name])
     if run.walls is not None:
         move_bodies(run.walls, run.time)
+    run.restore_fluid_(state)

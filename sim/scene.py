@@ -4,6 +4,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
+from sim.flow import Drag, FluidTable
 from sim.species import Contact, PairContact, ParticleTable
 from sim.table import Table, Vector, quantity
 from sim.vessel import WallTable
@@ -93,8 +94,8 @@ class Start(Table):
 class Scene(Table):
     """A granular flow, complete."""
 
-    particles: list[ParticleTable] = Field(min_length=1)
-    contact: Contact
+    particles: list[ParticleTable] = Field(default=[], description="absent in a flow of fluid alone")
+    contact: Contact = Field(default=Contact(stiffness=1.0, restitution=1.0), description="between particles")
     time: Time
     output: Output
     limits: Limits = Limits()
@@ -103,9 +104,45 @@ class Scene(Table):
     gravity: Gravity | None = None
     periodic: Periodic | None = None
     walls: list[WallTable] = Field(default=[])
+    fluid: FluidTable | None = None
+    drag: Drag | None = Field(default=None, description="absent: fluid and particles do not feel each other")
     filling: Filling | None = None
     start: Start | None = Field(default=None, description="absent: counted particles are packed at random")
     seed: int = quantity("", "of the random packing", default=0, ge=0)
+
+    @model_validator(mode="after")
+    def _has_particles_or_fluid(self) -> "Scene":
+        if not self.particles and self.fluid is None:
+            raise ValueError("particles: there are none, and no fluid either; give a table [[particles]] or [fluid]")
+        if self.particles and "contact" not in self.model_fields_set:
+            raise ValueError("contact: particles need the table [contact], with stiffness and restitution")
+        if self.drag is not None and (self.fluid is None or not self.particles):
+            raise ValueError("drag: needs a fluid and particles; leave out [drag], or give [fluid] and [[particles]]")
+        return self
+
+    @model_validator(mode="after")
+    def _fluid_repeats_with_the_box(self) -> "Scene":
+        if self.fluid is None:
+            return self
+        for k, (axis, repeats) in enumerate(zip("xyz", self.repeats, strict=True)):
+            sides = [side for side in self.fluid.faces if side[1] == axis]
+            if repeats and sides:
+                raise ValueError(f"fluid.faces.{sides[0]}: the box repeats in {axis}; leave the face out")
+            if repeats and self.periodic is not None:
+                box = (self.periodic.lowest[k], self.periodic.highest[k])
+                if box != (self.fluid.lowest[k], self.fluid.highest[k]):
+                    raise ValueError(
+                        f"fluid: from {self.fluid.lowest[k]} to {self.fluid.highest[k]} m in {axis}, where the box "
+                        f"repeats from {box[0]} to {box[1]} m; give the fluid the same"
+                    )
+        return self
+
+    @model_validator(mode="after")
+    def _immersed_walls_have_a_fluid(self) -> "Scene":
+        for k, wall in enumerate(self.walls):
+            if wall.immersed and self.fluid is None:
+                raise ValueError(f"walls.{k}.immersed = true: there is no fluid; give [fluid], or leave it out")
+        return self
 
     @model_validator(mode="after")
     def _walls_have_their_own_names(self) -> "Scene":
@@ -124,6 +161,12 @@ class Scene(Table):
                     f"particles.{k}.name = {name!r} is taken by particles.{names.index(name)}; give another"
                 )
         return self
+
+    @property
+    def repeats(self) -> tuple[bool, bool, bool]:
+        """Whether the box repeats along x, y, z."""
+        directions = self.periodic.directions if self.periodic else []
+        return "x" in directions, "y" in directions, "z" in directions
 
     @property
     def species(self) -> list[str]:

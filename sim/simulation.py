@@ -2,8 +2,10 @@
 
 from collections.abc import Iterator
 from math import sqrt
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.assembly import law_of, laws_of, laws_of_walls, walls_of
 from sim.cells import cell_grid, sort_by_cell
@@ -21,9 +23,13 @@ from sim.scene import Scene
 from sim.start import StartState, check_pairs, check_walls, starting_particles, thickest_skin
 from sim.state import Snapshot, reordered, seen_by_forces, travelled, wrap_
 from sim.surface import wall_speed
+from sim.suspended import Suspended
 from sim.timestep import snapshots_in, time_step
 from sim.verlet import Step, Terms, advance, fill_forces
 from sim.walls import BODY_TALLY
+
+if TYPE_CHECKING:
+    from sim.flowing import FlowSimulation
 
 THINNEST_SKIN, FIRST_SKIN, THICKEST_SKIN = 0.01, 0.1, 0.4  # of the largest diameter
 REBUILD_COST = 3.0  # see `Simulation.skin_for`
@@ -37,6 +43,7 @@ class Simulation:
         self.dt, self.steps_per_snapshot = time_step(scene)
         self.snapshots = snapshots_in(scene)
         self.gravity = scene.gravity.acceleration if scene.gravity else None
+        self.suspended: Suspended | None = None  # what a fluid does to the particles; see sim/coupled.py
         self.pair_law, self.pair_laws, self.wall_laws = law_of(scene.contact), laws_of(scene), laws_of_walls(scene)
         self.pairs_roll = True if scene.pairs_roll else None
         self.walls_roll = True if any(contact.rolling for contact in scene.contacts_with_walls) else None
@@ -80,6 +87,8 @@ class Simulation:
         grid = cell_grid(self.particles.position, 2.0 * float(radius.max()) + self.skin, lowest, self.period)
         order, start = sort_by_cell(self.particles.position, grid)
         self.particles, self.seen = reordered(self.particles, order), self.seen[order]
+        if self.suspended is not None:
+            self.suspended = Suspended(*(rows[order] for rows in self.suspended))
         p = self.particles
         position, radius = p.position, p.radius
         self.listed, self.spring = rebuilt_neighbors(
@@ -132,6 +141,7 @@ class Simulation:
             steps,
             drifted,
             self.gravity,
+            self.suspended,
             p.position,
             p.velocity,
             p.spin,
@@ -180,6 +190,13 @@ class Simulation:
         new = counts - self.reported_impacts
         self.reported_impacts = counts
         return np.asarray(new / (self.dt * self.steps_per_snapshot))
+
+    def fluid_state(self) -> dict[str, NDArray[Any]]:
+        """Return what a fluid's next step depends on, by name: nothing in a dry run."""
+        return {}
+
+    def restore_fluid_(self, state: dict[str, NDArray[Any]]) -> None:
+        """Put a fluid into a state that `fluid_state` returned."""
 
     @property
     def time(self) -> float:
@@ -270,12 +287,31 @@ class Simulation:
         )
 
 
+AnyRun: TypeAlias = "Simulation | FlowSimulation"
+
+
+def simulation_of(scene: Scene, start: StartState | None = None) -> AnyRun:
+    """Return the run of a scene at its first moment; the fluid's code is loaded only where there is a fluid.
+
+    Raises InputError for a scene that cannot start.
+    """
+    if scene.fluid is None:
+        return Simulation(scene, start)
+    if not scene.particles:
+        from sim.flowing import FlowSimulation
+
+        return FlowSimulation(scene)
+    from sim.coupled import CoupledSimulation
+
+    return CoupledSimulation(scene, start)
+
+
 def simulate(scene: Scene) -> Iterator[Snapshot]:
     """Yield the snapshots of a scene, time zero first.
 
     Raises InputError for a scene that cannot start and LimitError for a limit violated on the way.
     """
-    run = Simulation(scene)
+    run = simulation_of(scene)
     for k in range(run.snapshots):
         run.advance_to(k * run.steps_per_snapshot)
         yield run.snapshot()

@@ -23,6 +23,14 @@ class Particles(NamedTuple):
     image: Indices | None = None  # (n, 3) periods that a particle has travelled; absent where nothing repeats
 
 
+class FluidFields(NamedTuple):
+    """The fluid at the centres of its cells."""
+
+    velocity: Array  # (z, y, x, 3) m/s
+    pressure: Array  # (z, y, x) Pa, without its hydrostatic part
+    void_fraction: Array  # (z, y, x)
+
+
 class Snapshot(NamedTuple):
     """What a run shows of one moment, particles in the scene's order."""
 
@@ -32,6 +40,7 @@ class Snapshot(NamedTuple):
     angular_velocity: Array | None  # (n, 3) rad/s
     series: dict[str, float]  # diagnostics of this moment by name: J, N, N m, W; overlaps in radii
     impacts: Array | None = None  # (2, bins) 1/s since the last one, of pairs and with walls, by energy
+    fluid: FluidFields | None = None
 
 
 def mass(particles: Particles) -> Array:

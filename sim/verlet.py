@@ -13,6 +13,7 @@ from sim.near_walls import NearWalls
 from sim.neighbors import Neighbors
 from sim.pairs import add_pair_forces
 from sim.state import INVERSE_INERTIA, INVERSE_MASS, SPIN_X, VELOCITY_X, X
+from sim.suspended import Suspended, carry, foreseen
 from sim.walls import add_wall_forces
 
 OLDEST_LIST = 1000  # steps; particles that hardly move get a new list too, with a thinner skin
@@ -88,13 +89,17 @@ def kick_chunk(
     c: int,
     dt: float,
     gravity: Vector | None,
+    suspended: Suspended | None,
     velocity: Array,
     spin: Array | None,
     seen: Array,
     wrench: Array,
     listed: Neighbors,
 ) -> None:
-    """Kick the particles of chunk c by half a step: dv = (F/m + g) dt/2, dω = T/I dt/2 (paper eqs. (1), (2))."""
+    """Kick the particles of chunk c by half a step: dv = (F/m + g) dt/2, dω = T/I dt/2 (paper eqs. (1), (2)).
+
+    Of `suspended` particles the fluid takes part in dv.
+    """
     empty_boxes(c, listed, wrench)
     half = 0.5 * dt
     for i in range(listed.chunks[c], listed.chunks[c + 1]):
@@ -102,7 +107,10 @@ def kick_chunk(
             gained = seen[i, INVERSE_MASS] * wrench[i, axis]
             if gravity is not None:
                 gained += gravity[axis] if seen[i, INVERSE_MASS] > 0.0 else 0.0
-            velocity[i, axis] += half * gained
+            if suspended is not None:
+                velocity[i, axis] = carry(suspended, i, axis, half, gained, velocity[i, axis])
+            else:
+                velocity[i, axis] += half * gained
             if spin is not None:
                 spin[i, axis] += half * (seen[i, INVERSE_INERTIA] * wrench[i, 3 + axis])
 
@@ -113,6 +121,7 @@ def drift_chunk(
     kicks: int,
     dt: float,
     gravity: Vector | None,
+    suspended: Suspended | None,
     position: Array,
     velocity: Array,
     spin: Array | None,
@@ -135,11 +144,17 @@ def drift_chunk(
             gained = seen[i, INVERSE_MASS] * wrench[i, axis]
             if gravity is not None:
                 gained += gravity[axis] if seen[i, INVERSE_MASS] > 0.0 else 0.0
-            now = velocity[i, axis] + half * gained
-            if kicks == 2:
-                now += half * gained
+            if suspended is not None:
+                now = carry(suspended, i, axis, half, gained, velocity[i, axis])
+                if kicks == 2:
+                    now = carry(suspended, i, axis, half, gained, now)
+                seen[i, VELOCITY_X + axis] = foreseen(suspended, i, axis, gained, now)
+            else:
+                now = velocity[i, axis] + half * gained
+                if kicks == 2:
+                    now += half * gained
+                seen[i, VELOCITY_X + axis] = now + half * gained
             velocity[i, axis] = now
-            seen[i, VELOCITY_X + axis] = now + half * gained
             position[i, axis] += dt * now
             seen[i, X + axis] = position[i, axis]
             moved += (position[i, axis] - listed_at[i, axis]) ** 2
@@ -164,6 +179,7 @@ def advance(
     steps: int,
     drifted: bool,
     gravity: Vector | None,
+    suspended: Suspended | None,
     position: Array,
     velocity: Array,
     spin: Array | None,
@@ -190,8 +206,9 @@ def advance(
         if not drifted:
             for c in prange(chunks):
                 travel[c] = drift_chunk(
-                    signed(c), kicks, step.dt, gravity, position, velocity, spin, seen, wrench, listed, listed_at
-                )
+                    signed(c), kicks, step.dt, gravity, suspended, position, velocity, spin, seen, wrench, listed,
+                    listed_at,
+                )  # fmt: skip
             if walls is not None:
                 move_bodies(walls, (step.number + done + 1) * step.dt)
             moved, age = sqrt(travel.max()), step.number + done + 1 - step.listed
@@ -205,5 +222,5 @@ def advance(
         if tally[:, 1].max() > step.max_overlap:
             break
     for c in prange(chunks):
-        kick_chunk(signed(c), step.dt, gravity, velocity, spin, seen, wrench, listed)
+        kick_chunk(signed(c), step.dt, gravity, suspended, velocity, spin, seen, wrench, listed)
     return done, False, closer

@@ -168,3 +168,4 @@ class WallTable(Table):
     shapes: list[Wall] = Field(min_length=1)
     motion: Annotated[Rotation | Oscillation | Translation, Field(discriminator="kind")] | None = None
     contact: Contact | None = Field(default=None, description="with this body; absent: as with walls in general")
+    immersed: bool = quantity("", "whether the fluid feels the body, too", default=False)

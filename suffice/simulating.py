@@ -13,17 +13,21 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from numpy.typing import NDArray
 
-from sim import LimitError, Scene, Simulation, parse_scene
+from sim import AnyRun, LimitError, Scene, parse_scene, simulation_of
 from sim.assembly import walls_of
 from sim.checkpoint import restore_, state_of
 from sim.collisions import impact_energy_edges
 from sim.filling import solid_fraction
+from sim.grid import grid_of
 from sim.kernel import most_threads
+from sim.state import Snapshot
 from suffice.checkpoint import read_checkpoint, remove_checkpoint, write_checkpoint
 from suffice.door import InterruptedRunError
 from suffice.lock import only_writer
 from suffice.progress import Reporter
+from suffice.quantities import Grid
 from suffice.refusal import Refusal
 from suffice.starting import read_start, start_digest
 from suffice.store import Run, RunWriter, check_place
@@ -110,7 +114,7 @@ def _simulate(text: str, scene: Scene, path: Path, reporter: Reporter, resume: b
     state = read_checkpoint(path) if resume else None
     stands = _snapshots_that_stand(path, text, scene) if resume else 0
     began = time.monotonic()
-    simulation = Simulation(scene, start=read_start(scene))
+    simulation = simulation_of(scene, read_start(scene))
     if state is None and stands == simulation.snapshots:
         return _cost(path, simulation, 0, time.monotonic() - began)
     if state is None:
@@ -128,7 +132,7 @@ def _simulate(text: str, scene: Scene, path: Path, reporter: Reporter, resume: b
     return _cost(path, simulation, simulation.step - first, time.monotonic() - began)
 
 
-def _cost(path: Path, simulation: Simulation, steps: int, seconds: float) -> dict[str, Any]:
+def _cost(path: Path, simulation: AnyRun, steps: int, seconds: float) -> dict[str, Any]:
     """Say what a run holds, and the speed of the steps done now, in plain types."""
     particle_steps = len(simulation.particles.radius) * steps
     return {
@@ -174,10 +178,10 @@ def _snapshots_that_stand(path: Path, text: str, scene: Scene) -> int:
         return past.n_snapshots
 
 
-def _new_writer(path: Path, text: str, simulation: Simulation) -> RunWriter:
+def _new_writer(path: Path, text: str, simulation: AnyRun) -> RunWriter:
     first = simulation.snapshot()
     order = simulation.particles.id.argsort()
-    variables = ("position", "velocity", *(("angular_velocity",) if first.angular_velocity is not None else ()))
+    grid = None if first.fluid is None else grid_of_file(simulation.scene)
     remove_checkpoint(path)
     writer = RunWriter(
         path,
@@ -185,7 +189,8 @@ def _new_writer(path: Path, text: str, simulation: Simulation) -> RunWriter:
         radius=simulation.particles.radius[order],
         species=simulation.particles.species[order],
         n_snapshots=simulation.snapshots,
-        variables=variables,
+        variables=list(values_of(first)),
+        grid=grid,
         precision=simulation.scene.output.precision,
         series=sorted(first.series),
         impact_energy=None if first.impacts is None else impact_energy_edges(),
@@ -195,10 +200,28 @@ def _new_writer(path: Path, text: str, simulation: Simulation) -> RunWriter:
     return writer
 
 
-def _append(writer: RunWriter, simulation: Simulation) -> None:
+def _append(writer: RunWriter, simulation: AnyRun) -> None:
     now = simulation.snapshot()
-    values = {name: getattr(now, name) for name in writer.variables}
-    writer.append(now.time, values, now.series, now.impacts)
+    writer.append(now.time, values_of(now), now.series, now.impacts)
+
+
+def values_of(snapshot: Snapshot) -> dict[str, NDArray[Any]]:
+    """Return what a run stores of a moment, by the names of its variables."""
+    values = {}
+    if len(snapshot.position):
+        values = {name: getattr(snapshot, name) for name in ("position", "velocity", "angular_velocity")}
+    if snapshot.fluid is not None:
+        values |= {f"fluid.{name}": rows for name, rows in snapshot.fluid._asdict().items()}
+    return {name: rows for name, rows in values.items() if rows is not None}
+
+
+def grid_of_file(scene: Scene) -> Grid | None:
+    """Return the cells of the fluid as a run stores them, None in a dry scene."""
+    if scene.fluid is None:
+        return None
+    box = grid_of(scene.fluid, scene.repeats)
+    x, y, z = box.cells
+    return Grid((z, y, x), box.lowest, box.spacing)
 
 
 @contextmanager
@@ -222,7 +245,7 @@ def _asked_to_stop() -> Iterator[list[bool]]:
         signal.signal(signal.SIGINT, before)
 
 
-def _run(simulation: Simulation, writer: RunWriter, path: Path, reporter: Reporter) -> None:
+def _run(simulation: AnyRun, writer: RunWriter, path: Path, reporter: Reporter) -> None:
     work = len(simulation.particles.radius) * simulation.steps_per_snapshot
     saved = time.monotonic()
     with reporter.stage("simulate", "particle-steps", work) as advance, _asked_to_stop() as asked:

@@ -1,0 +1,76 @@
+"""A run of particles in a fluid: a step of the fluid, then the particles' steps within it, in turn."""
+
+import numpy as np
+
+from sim.coupling import Coupling
+from sim.fluid_series import fluid_series
+from sim.fluid_side import FluidSide
+from sim.kernel import Array
+from sim.scene import Scene
+from sim.simulation import Simulation
+from sim.start import StartState
+from sim.state import Snapshot
+
+
+class CoupledSimulation(FluidSide, Simulation):
+    """State of a run of particles in a fluid between two compiled calls."""
+
+    def __init__(self, scene: Scene, start: StartState | None = None) -> None:
+        super().__init__(scene, start)
+        self._make_fluid(scene, self.walls)
+        if scene.drag is not None:
+            self.coupling = Coupling(scene.drag, self.gravity, len(self.particles.radius))
+        self._check_inside()
+
+    def velocities(self) -> Array:
+        """Velocities (n, 3) of the particles, m/s."""
+        return self.particles.velocity
+
+    def places(self) -> Array:
+        """Positions (n, 3) of the particles, m."""
+        return self.particles.position
+
+    def advance_to(self, step: int) -> None:
+        """Run to a step of the particles, in whole steps of the fluid.
+
+        Raises LimitError as a dry run does, and where the fluid outruns its step or a particle leaves its box.
+        """
+        while self.step < step:
+            steps = self.substeps(step - self.step)
+            dt = steps * self.dt
+            self._flow(dt, (self.step + steps) * self.dt)
+            super().advance_to(self.step + steps)
+            if self.coupling is not None and self.suspended is not None:
+                self.coupling.settle_(self.particles, self.suspended, dt)
+
+    def _flow(self, dt: float, time: float) -> None:
+        """Do the fluid's step to a time, and set what it does to the particles."""
+        self._place_bodies(time)
+        self.fluid_steps += 1
+        if self.coupling is None:
+            self.fluid.step_(time, dt, None)
+        else:
+            self._check_inside()
+            held = (self.wrench[: len(self.particles.radius), :3] != 0.0).any(axis=1)
+            self.suspended = self.coupling.begin_(self.fluid, self.particles, held, dt, time, self.dt)
+        self._check_courant(dt, time)
+
+    def _check_inside(self) -> None:
+        """Stop where a particle has left the fluid's box (LimitError)."""
+        position = self.particles.position
+        low, high = np.array(self.table.lowest), np.array(self.table.highest)
+        aside = ~np.array(self.fluid.grid.periodic)
+        outside = ((position < low) | (position > high))[:, aside].any(axis=1)
+        if outside.any():
+            box = f"from {list(self.table.lowest)} to {list(self.table.highest)} m"
+            raise self._stopped(
+                int(np.argmax(outside)), f"is outside the fluid's box, {box}", "enlarge fluid.lowest or fluid.highest"
+            )
+
+    def snapshot(self) -> Snapshot:
+        """Return the present moment, particles in the scene's order, and the fluid."""
+        return super().snapshot()._replace(fluid=self.fields())
+
+    def series(self) -> dict[str, float]:
+        """Return the diagnostics of particles and of fluid at this moment."""
+        return super().series() | fluid_series(self)

@@ -1,0 +1,49 @@
+"""A run of a fluid without particles."""
+
+from math import ceil
+
+import numpy as np
+
+from sim.assembly import walls_of
+from sim.fluid_series import fluid_series
+from sim.fluid_side import FluidSide
+from sim.scene import Scene
+from sim.state import Particles, Snapshot
+from sim.timestep import snapshots_in
+
+TICKS = 720  # into which an output interval is divided, where the scene gives no step: many numbers divide it
+
+
+class FlowSimulation(FluidSide):
+    """State of a run between two steps of the fluid; its steps are what an output interval is divided into."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.walls = scene, walls_of(scene)
+        self._make_fluid(scene, self.walls)
+        self.steps_per_snapshot = ceil(scene.output.interval / self.table.step - 1e-9) if self.table.step else TICKS
+        self.dt = scene.output.interval / self.steps_per_snapshot
+        self.snapshots, self.step = snapshots_in(scene), 0
+        none, numbers = np.zeros((0, 3)), np.zeros(0, np.int64)
+        self.particles = Particles(none, none, np.zeros(0), np.zeros(0), numbers, numbers, None)
+
+    @property
+    def time(self) -> float:
+        """Time of the run, s."""
+        return self.step * self.dt
+
+    def advance_to(self, step: int) -> None:
+        """Run to a step; raises LimitError where the fluid outruns its step."""
+        while self.step < step:
+            steps = self.substeps(step - self.step)
+            time = (self.step + steps) * self.dt
+            self._place_bodies(time)
+            self.fluid.step_(time, steps * self.dt, None)
+            self._check_courant(steps * self.dt, time)
+            self.step += steps
+            self.fluid_steps += 1
+
+    def snapshot(self) -> Snapshot:
+        """Return the present moment."""
+        none = self.particles.position
+        series = {name: float(value) for name, value in fluid_series(self).items()}
+        return Snapshot(self.time, none, none, None, series, fluid=self.fields())
