@@ -16,7 +16,9 @@ from sim.surface import distance_to_wall, wall_motion
 def solid_share(distance: float, gx: float, gy: float, gz: float, spacing: Vector) -> float:
     """Share of a control volume behind a flat wall at a distance φ (m) from its middle, along ∇φ."""
     width = abs(gx) * spacing[0] + abs(gy) * spacing[1] + abs(gz) * spacing[2]
-    return min(max(0.5 - distance / width, 0.0), 1.0) if width > 0.0 else float(distance < 0.0)
+    if width > 0.0:
+        return min(max(0.5 - distance / width, 0.0), 1.0)
+    return 1.0 if distance < 0.0 else 0.0
 
 
 @kernel
