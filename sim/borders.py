@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.flow import SIDES, FluidTable, Inflow, NoSlip
-from sim.grid import MARGIN, Frame, Grid, face_points, faces_of
+from sim.grid import MARGIN, Frame, Grid, along, face_points, faces_of
 from sim.kernel import Array, Indices, inlined, kernel
 
 PERIODIC, WALL, SLIP, OUTFLOW = range(4)
@@ -71,9 +71,14 @@ def set_inflow_(velocity: Array, table: FluidTable, grid: Grid, time: float) -> 
         if isinstance(face, Inflow):
             axis, high = s // 2, s % 2
             speed = (-1.0 if high else 1.0) * inflow_speed(face, time) * inflow_shape(face, axis, grid)
-            across = [slice(None)] * 3
-            across[2 - axis] = -1 if high else 0  # type: ignore[call-overload]
-            faces_of(velocity[axis], axis, grid)[tuple(across)] = speed
+            faces_of(velocity[axis], axis, grid)[along(axis, -1 if high else 0)] = speed
+
+
+def close_(field: Array, axis: int, borders: Borders, grid: Grid) -> None:
+    """Set a component's field (size,) to 0 on the sides that are walls or inflows."""
+    for high in (0, 1):
+        if borders.kind[2 * axis + high] not in (PERIODIC, OUTFLOW):
+            faces_of(field, axis, grid)[along(axis, -1 if high else 0)] = 0.0
 
 
 @inlined
@@ -139,13 +144,6 @@ def fill_velocity_margins(velocity: Array, frame: Frame, borders: Borders, movin
             if moving:
                 wall = (borders.velocity[2 * axis, a], borders.velocity[2 * axis + 1, a])
             fill_along(velocity[a], axis, a == axis, frame, borders.kind, wall, copies)
-
-
-@kernel
-def fill_cell_margins(field: Array, frame: Frame, borders: Borders) -> None:
-    """Fill the margins of a field of cells without a gradient at the sides."""
-    for axis in range(3):
-        fill_level(field, axis, frame, borders.kind[2 * axis] == PERIODIC)
 
 
 @kernel

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from sim.drag import DRAG_LAWS, fill_coefficients
 from sim.exchange import Cloud, cloud_of, interpolate_, spread_
 from sim.flow import Drag
-from sim.fluid import Exchange, Fluid
-from sim.grid import cells_of, faces_of
+from sim.fluid import Fluid
+from sim.fluid_energy import Exchange
+from sim.grid import along, cells_of, faces_of
 from sim.kernel import Array, Vector
 from sim.state import Particles, mass
 from sim.suspended import Suspended, suspended_in
@@ -150,7 +151,6 @@ def received(fluid: Fluid, exchange: Exchange, dt: float) -> Array:
     for a in range(3):
         drag, push = fluid.on_faces(exchange.drag, a), fluid.on_faces(exchange.push[a], a)
         force = push - drag * faces_of(fluid.velocity[a], a, fluid.grid)
-        once = [slice(None)] * 3
-        once[2 - a] = slice(None, fluid.grid.cells[a] + (not fluid.grid.periodic[a]))
-        total[a] = force[tuple(once)].sum() * fluid.grid.volume * dt
+        once = along(a, slice(None, fluid.grid.cells[a] + (not fluid.grid.periodic[a])))
+        total[a] = force[once].sum() * fluid.grid.volume * dt
     return total

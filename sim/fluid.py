@@ -9,11 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.borders import OUTFLOW, PERIODIC, borders_of, fill_level, fill_velocity_margins, set_inflow_
+from sim.borders import OUTFLOW, borders_of, close_, fill_level, fill_velocity_margins, set_inflow_
 from sim.convection import fill_convection, fill_flux
 from sim.errors import LimitError
 from sim.flow import FluidTable
-from sim.grid import Grid, cells_of, faces_of, frame_of
+from sim.fluid_energy import TERMS, Exchange, account_
+from sim.grid import Grid, along, cells_of, faces_of, frame_of
 from sim.immersed import Immersed
 from sim.kernel import Array
 from sim.predictor import predict_, stiffness
@@ -22,25 +23,6 @@ from sim.viscosity import fill_friction
 
 VELOCITY_TOLERANCE = 1e-10  # of the largest velocity
 DIVERGENCE_TOLERANCE = 1e-8  # of the largest velocity over the smallest spacing
-
-
-class Exchange(NamedTuple):
-    """What the particles do to the fluid within a step, in the cells (size,), margins filled."""
-
-    void_fraction: Array  # at its end
-    growth: Array  # 1/s, ∂ε/∂t over the step
-    drag: Array  # kg/(m³ s), K
-    push: Array  # (3, size) N/m³, K v and what is owed from before
-
-
-class Spent(NamedTuple):
-    """Work done on the fluid since the start, J; the sum is what its kinetic energy has gained, but for Δε."""
-
-    bodies: float  # by immersed bodies
-    friction: float  # by viscosity, and by sliding sides
-    convection: float  # by the scheme of convection, and through the sides
-    particles: float  # by drag
-    pressure: float  # by the pressure gradient, that which is imposed included
 
 
 class StepReport(NamedTuple):
@@ -64,21 +46,19 @@ class Fluid:
         self.void_fraction = np.ones(grid.size)
         self.convection = np.zeros((3, grid.size))  # m/s², of the step before
         self.last_step = 0.0  # s; 0: there was none
-        self.flux, self.rate, self.target = (np.zeros((3, grid.size)) for _ in range(3))
+        self.rate = np.zeros((3, grid.size))  # m/s², −[∇·(εuu) − u ∇·(εu)] of this step
+        self.carried = np.zeros((3, grid.size))  # N/m³, what the flow carries along
+        self.flux, self.target = (np.zeros((3, grid.size)) for _ in range(2))
         self.mobility = np.zeros((3, grid.size))  # m³ s/kg
         self.gradient = np.zeros((3, grid.size))  # Pa/m, ∇p on faces
         self.friction = np.zeros((3, grid.size))  # N/m³, ∇·(ετ) on faces
         self.inside = np.zeros((3, grid.size), np.bool_)  # faces whose velocity is solved for
         for a in range(3):
-            across = [slice(None)] * 3
-            across[2 - a] = slice(0 if grid.periodic[a] else 1, -1)
-            faces_of(self.inside[a], a, grid)[tuple(across)] = True
+            faces_of(self.inside[a], a, grid)[along(a, slice(0 if grid.periodic[a] else 1, -1))] = True
         self.solver = PressureSolver(grid.cells, grid.spacing, grid.periodic)
-        self.spent = Spent(0.0, 0.0, 0.0, 0.0, 0.0)
+        self.spent = np.zeros(len(TERMS))  # J, work of every term of the momentum equation since the start
         bodies = 0 if immersed is None else len(immersed.immersed)
-        self.given = np.zeros(
-            (bodies, 7)
-        )  # by each body to the fluid: impulse (N s), about its centre (N m s), work (J)
+        self.given = np.zeros((bodies, 7))  # to the fluid: impulse, about the body's centre, work
         self.report = StepReport(0, 0, 0.0, 0.0)
         self._start()
 
@@ -91,12 +71,7 @@ class Fluid:
     def _prescribe(self, time: float) -> None:
         """Set what is given of the velocity: nothing crosses walls, inflows have their speed."""
         for a in range(3):
-            faces = faces_of(self.velocity[a], a, self.grid)
-            for high in (0, 1):
-                if self.borders.kind[2 * a + high] not in (PERIODIC, OUTFLOW):
-                    across = [slice(None)] * 3
-                    across[2 - a] = slice(-1, None) if high else slice(0, 1)
-                    faces[tuple(across)] = 0.0
+            close_(self.velocity[a], a, self.borders, self.grid)
         set_inflow_(self.velocity, self.table, self.grid, time)
 
     def level_(self, field: Array) -> None:
@@ -116,14 +91,13 @@ class Fluid:
         Raises LimitError where the pressure does not converge.
         """
         void_before, before = self.void_fraction, self.velocity.copy()
-        fill_flux(self.velocity, void_before, self.frame, self.flux)
-        fill_convection(self.velocity, self.flux, self.frame, self.first, self.table.convection == "bounded", self.rate)
+        self._convect(dt)
         void = void_before if exchange is None else exchange.void_fraction
         self._fill_mobility(void, dt, exchange)
         self._fill_target(void, dt, exchange)
         self._prescribe(time)
         self._hold_walls()
-        scale = float(np.abs(self.velocity).max()) + dt * float(np.abs(self.rate).max())
+        scale = float(np.abs(self.velocity).max())
         scale = max(scale, float(np.abs(self.target * self.mobility).max()))
         inside = np.where(self.inside, self.mobility, 0.0)
         diagonal = stiffness(void, self.table.viscosity, self.grid)
@@ -138,9 +112,18 @@ class Fluid:
             )
         self.friction[:] = self._rub(self.velocity, void, True)
         self.void_fraction = void
-        self._project(time, dt, None if exchange is None else exchange.growth, found.iterations)
-        self._account(before, dt, exchange)
-        self.convection, self.rate, self.last_step = self.rate, self.convection, dt
+        self._project(time, None if exchange is None else exchange.growth, found.iterations)
+        account_(self, before, dt, exchange)
+        self.last_step = dt
+
+    def _convect(self, dt: float) -> None:
+        """Fill what the flow carries along, ahead by half a step (Adams and Bashforth, second order)."""
+        bounded = self.table.convection == "bounded"
+        fill_flux(self.velocity, self.void_fraction, self.frame, self.flux)
+        self.convection, self.rate = self.rate, self.convection  # `convection` is of the step before
+        fill_convection(self.velocity, self.flux, self.frame, self.first, bounded, self.rate)
+        ahead = 0.5 * dt / self.last_step if self.last_step else 0.0
+        self.carried = self.table.density * ((1.0 + ahead) * self.rate - ahead * self.convection)
 
     def _rub(self, velocity: Array, void: Array, moving: bool) -> Array:
         """∇·(ετ) of a velocity whose margins are filled first, its sides moving as they do or at rest, N/m³."""
@@ -158,16 +141,7 @@ class Fluid:
             faces = self.on_faces(inertia, a)
             open_share = 1.0 if self.immersed is None else 1.0 - faces_of(self.immersed.share[a], a, self.grid)
             faces_of(self.mobility[a], a, self.grid)[:] = open_share / faces
-            self._close(self.mobility[a], a)
-
-    def _close(self, field: Array, a: int) -> None:
-        """Set a field of faces to 0 on the sides that are walls or inflows."""
-        faces = faces_of(field, a, self.grid)
-        for high in (0, 1):
-            if self.borders.kind[2 * a + high] not in (PERIODIC, OUTFLOW):
-                across = [slice(None)] * 3
-                across[2 - a] = slice(-1, None) if high else slice(0, 1)
-                faces[tuple(across)] = 0.0
+            close_(self.mobility[a], a, self.borders, self.grid)
 
     def on_faces(self, field: Array, a: int) -> Array:
         """Mean of the two cells beside every face of a component, (z, y, x), sides included."""
@@ -177,14 +151,13 @@ class Fluid:
     def _fill_target(self, void: Array, dt: float, exchange: Exchange | None) -> None:
         """Fill t = α u_w / b + ρε (u/Δt + convection) − ε∇p + K v + ε f on faces, N/m³."""
         table = self.table
-        ahead = 1.0 + 0.5 * dt / self.last_step if self.last_step else 1.0  # Adams and Bashforth, second order
         for a in range(3):
             porous = self.on_faces(void, a)
-            now, old = faces_of(self.rate[a], a, self.grid), faces_of(self.convection[a], a, self.grid)
             speed = faces_of(self.velocity[a], a, self.grid)
             target = faces_of(self.target[a], a, self.grid)
             slope = faces_of(self.gradient[a], a, self.grid)
-            target[:] = table.density * (porous * speed / dt + ahead * now - (ahead - 1.0) * old)
+            carried = faces_of(self.carried[a], a, self.grid)
+            target[:] = table.density * porous * speed / dt + carried
             target -= porous * (slope + table.pressure_gradient[a])
             if exchange is not None:
                 target += self.on_faces(exchange.push[a], a)
@@ -208,7 +181,7 @@ class Fluid:
             total += np.diff(flux, axis=2 - a) / self.grid.spacing[a]
         return total if growth is None else total + cells_of(growth, self.grid)
 
-    def _project(self, time: float, dt: float, growth: Array | None, viscous: int) -> None:
+    def _project(self, time: float, growth: Array | None, viscous: int) -> None:
         """Correct velocity and pressure so that eq. (11) holds: ∇·(ε² b ∇δp) = ∂ε/∂t + ∇·(εu)."""
         porous = [self.on_faces(self.void_fraction, a) for a in range(3)]
         mobile = [faces_of(self.mobility[a], a, self.grid) for a in range(3)]
@@ -239,58 +212,13 @@ class Fluid:
         slope = (faces_of(pressure, a, self.grid) - faces_of(np.roll(pressure, s), a, self.grid)) / self.grid.spacing[a]
         for high, sign in ((0, 1.0), (1, -1.0)):
             if self.borders.kind[2 * a + high] == OUTFLOW:
-                across: list[slice | int] = [slice(None)] * 3
-                across[2 - a] = -1 if high else 0
-                edge = cells_of(pressure, self.grid)[tuple(across)]
-                slope[tuple(across)] = sign * edge * 2.0 / self.grid.spacing[a]
+                side = along(a, -1 if high else 0)
+                slope[side] = sign * cells_of(pressure, self.grid)[side] * 2.0 / self.grid.spacing[a]
         return np.asarray(slope)
 
     def _fill_gradient(self) -> None:
         for a in range(3):
             faces_of(self.gradient[a], a, self.grid)[:] = self._slope(self.pressure, a)
-
-    def _account(self, before: Array, dt: float, exchange: Exchange | None) -> None:
-        """Count the work of every term in this step, at the mean of old and new velocity, and what bodies gave."""
-        table, share = self.table, dt * self.grid.volume
-        work = np.zeros(5)
-        ahead = 1.0 + 0.5 * dt / self.last_step if self.last_step else 1.0
-        for a in range(3):
-            on = faces_of(self.velocity[a], a, self.grid)
-            old, porous = faces_of(before[a], a, self.grid), self.on_faces(self.void_fraction, a)
-            now, then = faces_of(self.rate[a], a, self.grid), faces_of(self.convection[a], a, self.grid)
-            carried = table.density * (ahead * now - (ahead - 1.0) * then)
-            rubbed = faces_of(self.friction[a], a, self.grid)
-            pressed = -porous * (faces_of(self.gradient[a], a, self.grid) + table.pressure_gradient[a])
-            dragged = np.zeros_like(on)
-            if exchange is not None:
-                dragged = self.on_faces(exchange.push[a], a) - self.on_faces(exchange.drag, a) * on
-            middle = self._once(0.5 * (on + old), a)
-            terms = [rubbed, carried, dragged, pressed]
-            work[1:] += [share * float((middle * self._once(term, a)).sum()) for term in terms]
-            if self.immersed is not None:
-                held = table.density * porous * (on - old) / dt - carried - rubbed - pressed - dragged
-                work[0] += share * float((middle * self._once(held * self._covered(a), a)).sum())
-                self.immersed.tally_(a, held, share, self.given)
-        self.spent = Spent(*(x + float(y) for x, y in zip(self.spent, work, strict=True)))
-
-    def _covered(self, a: int) -> Array:
-        """Whether a body covers any part of a face, 1 or 0."""
-        assert self.immersed is not None
-        return np.asarray(faces_of(self.immersed.share[a], a, self.grid) > 0.0, dtype=np.float64)
-
-    def _once(self, faces: Array, a: int) -> Array:
-        """Leave out faces that stand twice, and those on the sides, whose velocity is prescribed."""
-        across = [slice(None)] * 3
-        across[2 - a] = slice(None, -1) if self.grid.periodic[a] else slice(1, -1)
-        return faces[tuple(across)]
-
-    def kinetic_energy(self) -> float:
-        """Σ ½ ρ ε u² V over the faces inside, J."""
-        return sum(
-            0.5 * self.table.density * self.grid.volume
-            * float(self._once(self.on_faces(self.void_fraction, a) * faces_of(self.velocity[a], a, self.grid) ** 2, a).sum())
-            for a in range(3)
-        )  # fmt: skip
 
     def fastest_place(self) -> str:
         """Say where the fluid is fastest."""
@@ -306,8 +234,6 @@ class Fluid:
         total = np.zeros(tuple(reversed(self.grid.cells)))
         for a in range(3):
             speed = np.abs(faces_of(self.velocity[a], a, self.grid))
-            low = [slice(None)] * 3
-            high = [slice(None)] * 3
-            low[2 - a], high[2 - a] = slice(None, -1), slice(1, None)
-            total += np.maximum(speed[tuple(low)], speed[tuple(high)]) * dt / self.grid.spacing[a]
+            fastest = np.maximum(speed[along(a, slice(None, -1))], speed[along(a, slice(1, None))])
+            total += fastest * dt / self.grid.spacing[a]
         return float(total.max())

@@ -4,6 +4,7 @@ import numpy as np
 
 from sim.borders import OUTFLOW
 from sim.flow import SIDES, Inflow
+from sim.fluid_energy import TERMS, kinetic_energy
 from sim.fluid_side import FluidSide
 from sim.grid import cells_of
 from sim.kernel import Array
@@ -14,8 +15,8 @@ HEIGHT = 0.99  # share of the particles that are below the height of a bed
 def fluid_series(run: FluidSide) -> dict[str, float]:
     """Return the diagnostics of the fluid by name; forces, torques and powers are means since the last call."""
     fluid, coupling = run.fluid, run.coupling
-    series = {"fluid.kinetic": fluid.kinetic_energy(), "fluid.steps": float(run.fluid_steps)}
-    series |= {f"fluid.work.{name}": value for name, value in fluid.spent._asdict().items()}
+    series = {"fluid.kinetic": kinetic_energy(fluid), "fluid.steps": float(run.fluid_steps)}
+    series |= {f"fluid.work.{name}": value for name, value in zip(TERMS, fluid.spent, strict=True)}
     series |= {"fluid.divergence": fluid.report.divergence, "fluid.imbalance": fluid.report.imbalance}
     series["fluid.least_void_fraction"] = float(cells_of(fluid.void_fraction, fluid.grid).min())
     if coupling is not None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sim.coupling import Coupling, cell_velocity
 from sim.errors import LimitError
 from sim.flow import FluidTable
-from sim.fluid import Fluid, Spent
+from sim.fluid import Fluid
 from sim.grid import cells_of, grid_of
 from sim.immersed import Immersed
 from sim.kernel import Array
@@ -82,7 +82,7 @@ class FluidSide:
         return found
 
     def substeps(self, left: int) -> int:
-        """Return the steps of the run within the next step of the fluid, of which whole ones make up the `left` ones."""
+        """Return the steps of the run within the next step of the fluid; whole ones make up the `left` ones."""
         wanted = self.table.step or min(limit.largest for limit in self.limits())
         most = max(1, int(min(wanted / self.dt * (1.0 + 1e-9), left if self.table.step else min(left, MOST_STEPS))))
         return ceil(left / ceil(left / most))
@@ -115,7 +115,7 @@ class FluidSide:
         """Return copies of all that the fluid's next step depends on, by name."""
         fluid, c = self.fluid, self.coupling
         state: dict[str, NDArray[Any]] = {f"fluid.{name}": getattr(fluid, name).copy() for name in STORED}
-        state |= {"fluid.spent": np.array(fluid.spent), "fluid.last_step": np.asarray(fluid.last_step)}
+        state |= {"fluid.last_step": np.asarray(fluid.last_step)}
         state |= {"fluid.steps": np.asarray(self.fluid_steps), "fluid.reported": self.reported_fluid.copy()}
         if c is not None:
             state |= {f"coupling.{name}": np.array(getattr(c, name)) for name in EXCHANGED}
@@ -125,7 +125,7 @@ class FluidSide:
         """Put the fluid into a state that `fluid_state` returned; the run's time has been set."""
         for name in STORED:
             setattr(self.fluid, name, state[f"fluid.{name}"])
-        self.fluid.spent, self.fluid.last_step = Spent(*state["fluid.spent"]), float(state["fluid.last_step"])
+        self.fluid.last_step = float(state["fluid.last_step"])
         self.fluid_steps, self.reported_fluid = int(state["fluid.steps"]), state["fluid.reported"]
         if self.coupling is not None:
             for name in EXCHANGED:
@@ -134,7 +134,7 @@ class FluidSide:
         self._place_bodies(self.step * self.dt)
 
 
-STORED = ("velocity", "pressure", "void_fraction", "convection", "gradient", "mobility", "given")
+STORED = ("velocity", "pressure", "void_fraction", "rate", "gradient", "mobility", "given", "spent")
 EXCHANGED = ("owed", "impulse", "work", "clamped", "time")
 
 

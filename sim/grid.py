@@ -92,3 +92,17 @@ def face_points(axis: int, grid: Grid) -> tuple[Array, Array, Array]:
              for a, c in enumerate(centres(grid))]  # fmt: skip
     z, y, x = np.meshgrid(along[2], along[1], along[0], indexing="ij")
     return x, y, z
+
+
+def along(axis: int, part: slice | int) -> tuple[slice | int, ...]:
+    """Index of a part along an axis of arrays (z, y, x)."""
+    index: list[slice | int] = [slice(None)] * 3
+    index[2 - axis] = part
+    return tuple(index)
+
+
+def along(axis: int, part: slice | int) -> tuple[slice | int, ...]:
+    """Index of a part along an axis of arrays (z, y, x)."""
+    index: list[slice | int] = [slice(None)] * 3
+    index[2 - axis] = part
+    return tuple(index)

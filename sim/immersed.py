@@ -6,7 +6,8 @@ pressure alike, so that no fluid crosses a wall.
 """
 
 import numpy as np
-from sim.grid import MARGIN, Grid, face_points, faces_of
+
+from sim.grid import MARGIN, Grid, along, face_points, faces_of
 from sim.kernel import Array, Flags, Indices, Vector, inlined, kernel
 from sim.motion import Bodies
 from sim.surface import distance_to_wall, wall_motion
@@ -97,8 +98,7 @@ class Immersed:
         """
         points = face_points(axis, self.grid)
         total = faces_of(self.share[axis], axis, self.grid)
-        last = [slice(None)] * 3
-        last[2 - axis] = slice(None, -1) if self.grid.periodic[axis] else slice(None)
+        once = along(axis, slice(None, -1) if self.grid.periodic[axis] else slice(None))
         for b in np.flatnonzero(self.immersed):
             part = faces_of(self.by_body[axis, b], axis, self.grid)
             push = share * force * np.divide(part, total, out=np.zeros_like(part), where=total > 0.0)
@@ -106,7 +106,7 @@ class Immersed:
             turn, velocity = self.walls.turn[b], self.walls.velocity[b]
             n, m = (axis + 1) % 3, (axis + 2) % 3
             speed = velocity[axis] + turn[n] * arm[m] - turn[m] * arm[n]
-            push, once = push[tuple(last)], tuple(last)
+            push = push[once]
             given[b, axis] += push.sum()
             given[b, 3 + n] += (arm[m][once] * push).sum()
             given[b, 3 + m] -= (arm[n][once] * push).sum()
