@@ -135,7 +135,7 @@ def fill_level(level: Level) -> None:
         if level.wraps[axis]:
             faces = layers(w, level.cells, axis)[1:]
             faces[-1] = faces[0]  # the two ends are one face
-            if level.cells[axis] == 1:  # a cell is its own neighbour
+            if len(faces) == 2:  # a cell is its own neighbour
                 faces[:] = 0.0
         if level.joined[axis] == 2:
             fill_shares(w, *level.cells, level.fields[TX + axis], axis, level.wraps[axis])

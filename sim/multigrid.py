@@ -59,31 +59,30 @@ def empty_levels(cells: Cells, spacing: tuple[float, float, float], periodic: tu
 
 
 @kernel
-def wrap_axis(x: Array, n: int, stride: int, na: int, sa: int, nb: int, sb: int, folds: bool) -> None:
-    """Copy the cells at both ends of an axis to the ghosts behind the other end, or move what these hold to them."""
-    for a in range(1, na + 1):
-        for b in range(1, nb + 1):
-            low = a * sa + b * sb
-            high = low + n * stride
-            if folds:
-                x[high] += x[low]
-                x[low + stride] += x[high + stride]
-                x[low], x[high + stride] = 0.0, 0.0
-            else:
-                x[low], x[high + stride] = x[high], x[low + stride]
+def wrap_axes(x: Array, nx: int, ny: int, nz: int, px: int, py: int, pz: int, folds: bool) -> None:
+    """Copy the cells at both ends of periodic axes to the ghosts behind the other end, or move these back to them."""
+    sy, sz = nx + 2, (nx + 2) * (ny + 2)
+    for wraps, n, s, na, sa, nb, sb in (
+        (px, nx, 1, nz, sz, ny, sy),
+        (py, ny, sy, nz, sz, nx, 1),
+        (pz, nz, sz, ny, sy, nx, 1),
+    ):
+        for a in range(1, na * wraps + 1):
+            for b in range(1, nb + 1):
+                low = a * sa + b * sb
+                high = low + n * s
+                if folds:
+                    x[high] += x[low]
+                    x[low + s] += x[high + s]
+                    x[low], x[high + s] = 0.0, 0.0
+                else:
+                    x[low], x[high + s] = x[high], x[low + s]
 
 
 def wrap_(level: Level, x: Array, folds: bool = False) -> None:
     """Make the ghosts of the periodic axes true, or fold what they hold back into the cells."""
-    px, py, pz = level.wraps
-    nx, ny, nz = level.cells
-    sy, sz = nx + 2, (nx + 2) * (ny + 2)
-    if px:
-        wrap_axis(x, nx, 1, nz, sz, ny, sy, folds)
-    if py:
-        wrap_axis(x, ny, sy, nz, sz, nx, 1, folds)
-    if pz:
-        wrap_axis(x, nz, sz, ny, sy, nx, 1, folds)
+    if level.wraps != (0, 0, 0):
+        wrap_axes(x, *level.cells, *level.wraps, folds)
 
 
 @inlined
@@ -182,8 +181,7 @@ def cycle_(levels: list[Level]) -> None:
     for fine, coarse in pairwise(levels):
         smooth_(fine, (RED, BLACK))
         wrap_(fine, fine.fields[X])
-        coarse.fields[X] = 0.0
-        coarse.fields[B] = 0.0
+        coarse.fields[X : B + 1] = 0.0
         restrict_(fine.fields, *fine.cells, coarse.fields, *fine.joined)
         wrap_(coarse, coarse.fields[B], folds=True)
     smooth_(levels[-1], (RED,))  # a single cell: exact

@@ -106,9 +106,10 @@ class PressureSolver:
         level, number = self.levels[0], np.arange(self.label.size)
         first = np.zeros_like(number)  # ghosts are one with cell 0: behind an open face the pressure is known
         self._inside(first)[:] = self._inside(number)
-        for axis in np.flatnonzero(self.periodic):
-            along = layers(first, self.cells, axis)
-            along[0], along[-1] = along[-2], along[1]
+        for axis in range(3):
+            if self.periodic[axis]:
+                along = layers(first, self.cells, axis)
+                along[0], along[-1] = along[-2], along[1]
         join_(first, level.fields, *self.cells)
         first[level.fields[INVERSE] == 0.0] = 0
         self.label = (np.cumsum(first == number) - 1)[first]
