@@ -145,6 +145,7 @@ def _cost(path: Path, simulation: AnyRun, steps: int, seconds: float) -> dict[st
         "seconds": seconds,
         "particle_steps_per_second": particle_steps / seconds if seconds else 0.0,
         "threads": numba.get_num_threads(),
+        "seconds_of": {name: round(taken, 3) for name, taken in simulation.term_seconds().items()},
     }
 
 
