@@ -20,7 +20,7 @@ from sim.kernel import Array, Vector
 from sim.state import Particles, mass
 from sim.suspended import Suspended, suspended_in
 
-VOID = 6  # column of the void fraction among what a particle sees of the fluid; velocity and ∇p are before it
+VOID, SQUARE = 6, 7  # columns of ε and of the mean u² among what a particle sees of the fluid; u and ∇p are before
 
 
 class Coupling:
@@ -29,7 +29,9 @@ class Coupling:
     def __init__(self, drag: Drag, gravity: Vector | None, n: int) -> None:
         self.drag, self.gravity = drag, np.array(gravity or (0.0, 0.0, 0.0))
         self.two_way = drag.coupling == "two-way"
-        self.owed = np.zeros((n, 3))  # N s, by rank in the scene: drag that the fluid has not yet received
+        self.owed = np.zeros(
+            (n if self.two_way else 0, 3)
+        )  # N s, by rank in the scene: drag that the fluid has not yet received
         self.impulse = np.zeros((2, 3))  # N s: by drag on the particles; on the fluid and on its sides
         self.work = np.zeros(2)  # J: of the fluid on the particles; turned into heat by slip
         self.clamped = 0  # void fractions below the least one, of all steps
@@ -67,7 +69,10 @@ class Coupling:
             self.impulse[1] += received(fluid, exchange, dt)
             self.owed[:] = 0.0
         lift = self._lift(fluid, p, seen)
-        return suspended_in(coefficient, p.inverse_mass, p.velocity, seen[:, :3].copy(), lift, particle_step, assumed)
+        return suspended_in(
+            coefficient, p.inverse_mass, p.velocity, seen[:, :3].copy(), seen[:, SQUARE].copy(), lift, particle_step,
+            assumed,
+        )  # fmt: skip
 
     def settle_(self, p: Particles, suspended: Suspended, dt: float) -> None:
         """Count what the particles received within the fluid's step of `dt` (s), and what the fluid still owes."""
@@ -80,7 +85,8 @@ class Coupling:
         if self.two_way:
             self.owed[p.id] = s.assumed - gained
         self.work[0] += float(weight @ s.given[:, 3])
-        self.work[1] += 0.5 * dt * float(s.coefficient @ (s.slip**2 + slip**2).sum(axis=1))
+        end = s.square + (p.velocity * (p.velocity - 2.0 * s.fluid_velocity)).sum(axis=1)
+        self.work[1] += 0.5 * dt * float(s.coefficient @ (s.slip_square + end))
 
     def void_fraction(self, fluid: Fluid, cloud: Cloud, position: Array, radius: Array) -> Array:
         """Share of every cell (size,) that particles at these places (n, 3) m leave to the fluid, margins filled.
@@ -115,9 +121,10 @@ class Coupling:
         self.time = 1.0 / np.sqrt(fluid_rate * rate) if fluid_rate * rate > 0.0 else np.inf
 
     def _seen(self, fluid: Fluid, cloud: Cloud, p: Particles) -> Array:
-        """Velocity, ∇p and void fraction of the fluid at the particles, (n, 7)."""
-        fields = np.concatenate([cell_velocity(fluid), cell_gradient(fluid), fluid.void_fraction[None]])
-        seen = np.empty((len(p.radius), VOID + 1))
+        """Velocity, ∇p, void fraction and square velocity of the fluid at the particles, (n, 8)."""
+        scalars = np.stack([fluid.void_fraction, cell_square(fluid)])
+        fields = np.concatenate([cell_velocity(fluid), cell_gradient(fluid), scalars])
+        seen = np.empty((len(p.radius), SQUARE + 1))
         interpolate_(cloud, p.position, fields, seen)
         return seen
 
@@ -131,6 +138,12 @@ def cell_velocity(fluid: Fluid) -> Array:
     """Velocity at the centres of the cells, the mean of two faces, (3, size), m/s."""
     pairs = zip(fluid.velocity, fluid.grid.stride, strict=True)
     return np.stack([0.5 * (u + np.roll(u, -s)) for u, s in pairs])
+
+
+def cell_square(fluid: Fluid) -> Array:
+    """Mean |u|² of a cell's faces, (size,), m²/s²: what slip is lost between faces and particle counts, too."""
+    pairs = zip(fluid.velocity, fluid.grid.stride, strict=True)
+    return np.asarray(sum(0.5 * (u**2 + np.roll(u, -s) ** 2) for u, s in pairs))
 
 
 def cell_gradient(fluid: Fluid) -> Array:
