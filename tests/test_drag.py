@@ -110,6 +110,6 @@ def test_drag_rises_with_slip_and_with_crowding(law):
     for void in VOIDS:
         found = np.array([kappa(law, slip, void) for slip in slips])
         assert (np.diff(found * slips) > 0).all()
-        assert (np.diff(found[slow]) >= 0).all()
+        assert law == DI_FELICE or (np.diff(found[slow]) >= 0).all()  # its exponent dips near Re 30: κ falls there
     packed = [kappa(law, 0.1, void) for void in np.linspace(0.2, 0.79, 30)]
     assert (np.diff(packed) < 0).all()
