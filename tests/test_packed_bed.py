@@ -68,7 +68,9 @@ def test_pressure_drop_of_a_packed_bed_is_that_of_ergun(speed):
     solid = len(run.particles.radius) * np.pi / 6 * DIAMETER**3
     area = run.table.highest[0] * run.table.highest[2]
     error = drop / (ergun(void, speed) * height) - 1
-    print(f"\n{speed} m/s: void fraction {void:.6f}, height {height * 1e3:.3f} mm, {drop:.2f} Pa, {error:+.2%} of Ergun")
+    print(
+        f"\n{speed} m/s: void fraction {void:.6f}, height {height * 1e3:.3f} mm, {drop:.2f} Pa, {error:+.2%} of Ergun"
+    )
     assert solid == pytest.approx((1 - void) * area * height, rel=1e-9)
     assert error == pytest.approx(0, abs=0.02)
     assert run.series()["fluid.pressure_drop"] == pytest.approx(drop, rel=1e-4)
@@ -92,7 +94,7 @@ def test_ends_of_a_bed_count_the_less_the_higher_it_is():
     assert errors[2] == pytest.approx(errors[0] / 4, rel=0.02)
 
 
-def test_bed_of_ten_thousand_beads_is_sixty_columns_side_by_side():
+def test_bed_of_ten_thousand_beads_is_sixty_three_columns_side_by_side():
     """250 beads in a layer and 40 layers, an area of π (13.85 mm)²; 9 × 7 columns of 160 beads."""
     small, large = bed(0.01), bed(0.01, (9, 1, 7))
     drop, void, height = measured(large)
