@@ -1,10 +1,11 @@
 """Drag between particles and fluid within a step of the fluid, implicit in the velocities of both.
 
 The fluid's step sees the particles through K = Σ κ w / V_cell. A particle that touches nothing will follow the fluid
-within the step, by m (v' − v̂) = κ Δt (u − v') from v̂ = v + Δt (g + buoyancy + pressure gradient): it acts with κ/(1 + λ
-Δt) on the fluid; one that others hold acts with all of κ. Then the particles sub-step with the new velocity and
-pressure. What they gained by drag is what the fluid owes; where that differs from what its step assumed, the rest
-enters its next step, so that both sides agree to round-off in the sum (Newton's third law).
+within the step, by m dv/dt = κ (u' − v) + m a with the fluid's new velocity u' and a = g + buoyancy + pressure gradient:
+drag gives it m (1 − e^(−λΔt)) (u' − v̂), v̂ = v + a (Δt/(1 − e^(−λΔt)) − 1/λ), λ = κ/m, and takes that from the fluid,
+so that slip decays without overshoot. One that others hold acts with all of κ. Then the particles sub-step with the new
+velocity and pressure. What they gained by drag is what the fluid owes; where that differs from what its step assumed,
+the rest enters its next step, so that both sides agree to round-off in the sum (Newton's third law).
 """
 
 import numpy as np
@@ -59,9 +60,9 @@ class Coupling:
             fluid.step_(time, dt, None)
             seen = self._seen(fluid, cloud, p)
         else:
-            follows = np.where(held, 0.0, coefficient * p.inverse_mass * dt)
-            falls = (follows > 0.0)[:, None] * (self._lift(fluid, p, seen) + self.gravity)
-            target, acting = p.velocity + dt * falls, coefficient / (1.0 + follows)
+            share, lead = following(np.where(held, 0.0, coefficient * p.inverse_mass * dt))
+            falls = lead[:, None] * (self._lift(fluid, p, seen) + self.gravity)
+            target, acting = p.velocity + dt * falls, share * coefficient
             exchange = self._exchange(fluid, cloud, p, acting, target, dt)
             fluid.step_(time, dt, exchange)
             seen = self._seen(fluid, cloud, p)
@@ -132,6 +133,17 @@ class Coupling:
         """Acceleration (m/s²) of every particle by buoyancy and by the pressure gradient, (n, 3)."""
         force = -(seen[:, 3:6] + np.array(fluid.table.pressure_gradient)) - fluid.table.density * self.gravity
         return np.asarray((4.0 / 3.0 * np.pi * p.radius**3 * p.inverse_mass)[:, None] * force)
+
+
+def following(pace: Array) -> tuple[Array, Array]:
+    """Share of its drag with which a particle of pace λ Δt (n,) acts, (1 − e^(−λΔt))/(λΔt), and of Δt that it leads.
+
+    The lead 1/(1 − e^(−λΔt)) − 1/(λΔt) is half a step where the pace is slow; particles of no pace do not move.
+    """
+    slow = pace < 1e-4
+    x = np.where(slow, 1.0, pace)
+    share = np.where(slow, 1.0 - 0.5 * pace, -np.expm1(-x) / x)
+    return share, np.where(pace > 0.0, np.where(slow, 0.5 + pace / 12.0, (1.0 - share) / (share * x)), 0.0)
 
 
 def cell_velocity(fluid: Fluid) -> Array:
