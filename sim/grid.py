@@ -99,10 +99,3 @@ def along(axis: int, part: slice | int) -> tuple[slice | int, ...]:
     index: list[slice | int] = [slice(None)] * 3
     index[2 - axis] = part
     return tuple(index)
-
-
-def along(axis: int, part: slice | int) -> tuple[slice | int, ...]:
-    """Index of a part along an axis of arrays (z, y, x)."""
-    index: list[slice | int] = [slice(None)] * 3
-    index[2 - axis] = part
-    return tuple(index)
