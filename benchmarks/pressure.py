@@ -1,6 +1,6 @@
 """Time of one pressure solve against the number of cells, ours beside conjugate gradients with PyAMG and SciPy's LU.
 
-    python benchmarks/pressure.py [--cells 16 32 64 128] [--threads 1] [--direct-up-to 16] [--amg-up-to 64]
+    python benchmarks/pressure.py [--cells 16 32 64 128] [--direct-up-to 16] [--amg-up-to 64]
 
 Coefficients 1 + ½ sin 6x cos 5y sin 4z in a closed cube, right-hand sides at random, residual 1e-8 of the largest
 right-hand side, from a guess of zero. "setup" is what new coefficients cost. The best of three runs counts.
@@ -17,8 +17,7 @@ if any(name in os.environ for name in CHOSEN_BY_HAND):  # they slow one library 
         sys.executable, [sys.executable, *sys.argv], {k: v for k, v in os.environ.items() if k not in CHOSEN_BY_HAND}
     )
 
-import numba  # noqa: E402 (the environment first)
-import numpy as np  # noqa: E402
+import numpy as np  # noqa: E402 (the environment first)
 from scipy import sparse  # noqa: E402
 from scipy.sparse.linalg import cg, splu  # noqa: E402
 
@@ -118,17 +117,15 @@ def table(name, rows):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cells", type=int, nargs="+", default=[16, 32, 64, 128], help="along each edge of the cube")
-    parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--direct-up-to", type=int, default=16)
     parser.add_argument("--amg-up-to", type=int, default=64)
     chosen = parser.parse_args()
-    numba.set_num_threads(chosen.threads)
     problems = {}
     for n in chosen.cells:
         rhs = np.random.default_rng(n).standard_normal((n, n, n))
         problems[n] = coefficients(n), rhs - rhs.mean()
     ours(8, coefficients(8), problems[chosen.cells[0]][1][:8, :8, :8])  # compiles
-    table(f"ours, {chosen.threads} thread(s)", {n: ours(n, faces, rhs) for n, (faces, rhs) in problems.items()})
+    table("ours", {n: ours(n, faces, rhs) for n, (faces, rhs) in problems.items()})
     if pyamg is None:
         print("\nPyAMG is absent (pip install pyamg)")
     else:

@@ -45,6 +45,13 @@ def inflow_speed(face: Inflow, time: float) -> float:
     return face.start_speed + (face.speed - face.start_speed) * time / face.ramp
 
 
+def fastest_side(table: FluidTable) -> float:
+    """Largest speed (m/s) of a sliding wall, or of an inflow on its mean."""
+    speeds = [float(np.linalg.norm(face.velocity)) for face in table.faces.values() if isinstance(face, NoSlip)]
+    speeds += [max(face.speed, face.start_speed) for face in table.faces.values() if isinstance(face, Inflow)]
+    return max(speeds, default=0.0)
+
+
 def inflow_shape(face: Inflow, axis: int, grid: Grid) -> Array:
     """Speed of each face of a side relative to the mean over its region, 0 outside of it; shape as the side's faces."""
     points = face_points(axis, grid)

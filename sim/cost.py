@@ -17,7 +17,7 @@ REPEATS = 5  # of one evaluation of the forces
 
 
 class StepCost(NamedTuple):
-    """Seconds of a step, the mean over the measured ones, and what part of it each term takes."""
+    """Seconds of a step of the particles, the mean over the measured ones, and what part of it each term takes."""
 
     steps: int
     whole: float  # s
@@ -25,21 +25,10 @@ class StepCost(NamedTuple):
     walls: float  # s
     lists: float  # s
     motion: float  # s, and all that is none of the others
+    fluid: dict[str, float]  # s, of the terms of the fluid: its share of a step of the particles
 
 
-class MeasuredSimulation(Simulation):
-    """A run that adds up the time its lists take."""
-
-    listing = 0.0  # s
-
-    def rebuild(self) -> None:
-        """Sort and list anew, and count the time."""
-        began = time.perf_counter()
-        super().rebuild()
-        self.listing += time.perf_counter() - began
-
-
-def step_cost(run: MeasuredSimulation) -> StepCost:
+def step_cost(run: Simulation) -> StepCost:
     """Run up to 200 steps, or a few seconds, and return what one costs; the run is of no other use afterwards.
 
     Raises LimitError where a limit is violated on the way.
@@ -49,21 +38,25 @@ def step_cost(run: MeasuredSimulation) -> StepCost:
     run.advance_to(3)
     once = (time.perf_counter() - began) / 2.0
     batch = max(1, min(MEASURED_STEPS, int(MOST_SECONDS / max(once, 1e-9))) // BATCHES)
-    run.listing, spent, parts = 0.0, 0.0, np.zeros(2)
+    before, spent, parts = run.term_seconds(), 0.0, np.zeros(2)
     _forces(run)  # once, for nothing
     for _ in range(BATCHES):  # in turn, so that what else the machine does falls on steps and parts alike
         began = time.perf_counter()
         run.advance_to(run.step + batch)
         spent += time.perf_counter() - began
         parts += _forces(run)
-    whole, lists = spent / (BATCHES * batch), run.listing / (BATCHES * batch)
+    terms = {name: seconds - before[name] for name, seconds in run.term_seconds().items()}
+    lists = terms.pop("lists") / (BATCHES * batch)
+    whole = (spent - sum(terms.values())) / (BATCHES * batch)
     pairs, walls = np.maximum(parts / BATCHES, 0.0)
     over = max((pairs + walls + lists) / whole, 1.0)
     pairs, walls, lists = float(pairs / over), float(walls / over), lists / over
-    return StepCost(BATCHES * batch, whole, pairs, walls, lists, whole - pairs - walls - lists)
+    fluid = {name: seconds / (BATCHES * run.steps_to_next_flow()) for name, seconds in terms.items()}
+    motion = whole - pairs - walls - lists
+    return StepCost(BATCHES * batch, whole + sum(fluid.values()), pairs, walls, lists, motion, fluid)
 
 
-def _forces(run: MeasuredSimulation) -> tuple[float, float]:
+def _forces(run: Simulation) -> tuple[float, float]:
     """Seconds that pairs and walls take in one evaluation of the forces: what an empty list saves."""
     near, listed = run.near, run.listed
     with threads_for(len(listed.chunks) - 1):
@@ -84,12 +77,13 @@ def _seconds(call: Callable[[], Any]) -> float:
 
 
 def memory_of(run: Simulation) -> dict[str, int]:
-    """Return the bytes that particles, forces, pair list and wall list take."""
+    """Return the bytes that particles, forces, pair list, wall list and fluid take."""
     return {
         "particles": _bytes(run.particles),
         "forces": _bytes((run.seen, run.wrench)),
         "pairs": _bytes((*run.listed, run.spring, run.listed_at)),
         "walls": _bytes((*run.near, run.wall_spring, *(run.walls or ()))),
+        "fluid": run.fluid_bytes(),
     }
 
 

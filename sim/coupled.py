@@ -1,5 +1,7 @@
 """A run of particles in a fluid: a step of the fluid, then the particles' steps within it, in turn."""
 
+from time import perf_counter
+
 import numpy as np
 
 from sim.coupling import Coupling
@@ -20,6 +22,7 @@ class CoupledSimulation(FluidSide, Simulation):
         self._make_fluid(scene, self.walls)
         if scene.drag is not None:
             self.coupling = Coupling(scene.drag, self.gravity, len(self.particles.radius))
+        self.seconds |= {"exchange": 0.0, "immersed": 0.0}
         self._check_inside()
 
     def velocities(self) -> Array:
@@ -45,7 +48,9 @@ class CoupledSimulation(FluidSide, Simulation):
 
     def _flow(self, dt: float, time: float) -> None:
         """Do the fluid's step to a time, and set what it does to the particles."""
+        began, inside = perf_counter(), sum(self.fluid.seconds.values())
         self._place_bodies(time)
+        placed = perf_counter()
         self.fluid_steps += 1
         if self.coupling is None:
             self.fluid.step_(time, dt, None)
@@ -54,6 +59,9 @@ class CoupledSimulation(FluidSide, Simulation):
             held = (self.wrench[: len(self.particles.radius), :3] != 0.0).any(axis=1)
             self.suspended = self.coupling.begin_(self.fluid, self.particles, held, dt, time, self.dt)
         self._check_courant(dt, time)
+        inside = sum(self.fluid.seconds.values()) - inside
+        self.seconds["immersed"] += placed - began
+        self.seconds["exchange"] += perf_counter() - placed - inside
 
     def _check_inside(self) -> None:
         """Stop where a particle has left the fluid's box (LimitError)."""
@@ -66,6 +74,25 @@ class CoupledSimulation(FluidSide, Simulation):
             raise self._stopped(
                 int(np.argmax(outside)), f"is outside the fluid's box, {box}", "enlarge fluid.lowest or fluid.highest"
             )
+
+    def term_seconds(self) -> dict[str, float]:
+        """Return what parts of the run have taken so far, s."""
+        return self.seconds | self.fluid.seconds
+
+    def steps_to_next_flow(self) -> int:
+        """Return the steps that a step of the fluid spans now."""
+        return self.substeps(self.steps_per_snapshot)
+
+    def fluid_bytes(self) -> int:
+        """Return the bytes that the fluid and its bodies take."""
+        owners = [self.fluid, self.fluid.immersed]
+        return sum(
+            rows.nbytes
+            for owner in owners
+            if owner is not None
+            for rows in vars(owner).values()
+            if isinstance(rows, np.ndarray)
+        )
 
     def snapshot(self) -> Snapshot:
         """Return the present moment, particles in the scene's order, and the fluid."""

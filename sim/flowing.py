@@ -42,6 +42,10 @@ class FlowSimulation(FluidSide):
             self.step += steps
             self.fluid_steps += 1
 
+    def term_seconds(self) -> dict[str, float]:
+        """Return what parts of the run have taken so far, s."""
+        return dict(self.fluid.seconds)
+
     def snapshot(self) -> Snapshot:
         """Return the present moment."""
         none = self.particles.position

@@ -5,6 +5,7 @@ hydrostatic part ρ g·x. A step finds the velocity with the old pressure, impli
 pressure that makes it satisfy eq. (11).
 """
 
+from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -60,6 +61,7 @@ class Fluid:
         bodies = 0 if immersed is None else len(immersed.immersed)
         self.given = np.zeros((bodies, 7))  # to the fluid: impulse, about the body's centre, work
         self.report = StepReport(0, 0, 0.0, 0.0)
+        self.seconds = {"momentum": 0.0, "pressure": 0.0}
         self._start()
 
     def _start(self) -> None:
@@ -90,6 +92,7 @@ class Fluid:
 
         Raises LimitError where the pressure does not converge.
         """
+        began = perf_counter()
         void_before, before = self.void_fraction, self.velocity.copy()
         self._convect(dt)
         void = void_before if exchange is None else exchange.void_fraction
@@ -112,9 +115,13 @@ class Fluid:
             )
         self.friction[:] = self._rub(self.velocity, void, True)
         self.void_fraction = void
+        solved = perf_counter()
         self._project(time, None if exchange is None else exchange.growth, found.iterations)
+        corrected = perf_counter()
         account_(self, before, dt, exchange)
         self.last_step = dt
+        self.seconds["pressure"] += corrected - solved
+        self.seconds["momentum"] += perf_counter() - began - (corrected - solved)
 
     def _convect(self, dt: float) -> None:
         """Fill what the flow carries along, ahead by half a step (Adams and Bashforth, second order)."""

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.borders import fastest_side
 from sim.coupling import Coupling, cell_velocity
 from sim.errors import LimitError
 from sim.flow import FluidTable
@@ -67,6 +68,7 @@ class FluidSide:
         fastest = float(np.sqrt((moving**2).sum(axis=1).max())) if len(moving) else 0.0
         found = [
             FluidLimit("speed of the fluid (CFL)", _ratio(COURANT, self.fluid.courant(1.0))),
+            FluidLimit("speed at the sides", _ratio(COURANT * h, fastest_side(self.table))),
             FluidLimit("speed of the particles", _ratio(TRAVEL * h, fastest)),
         ]
         if self.walls is not None and self.fluid.immersed is not None:

@@ -8,7 +8,7 @@ pressure alike, so that no fluid crosses a wall.
 import numpy as np
 
 from sim.grid import MARGIN, Grid, along, face_points, faces_of
-from sim.kernel import Array, Flags, Indices, Vector, inlined, kernel
+from sim.kernel import Array, Indices, Vector, inlined, kernel
 from sim.motion import Bodies
 from sim.surface import distance_to_wall, wall_motion
 
@@ -22,51 +22,48 @@ def solid_share(distance: float, gx: float, gy: float, gz: float, spacing: Vecto
     return 1.0 if distance < 0.0 else 0.0
 
 
-@kernel
-def fill_plane(
-    k: int, a: int, walls: Bodies, immersed: Flags, lowest: Vector, spacing: Vector, stride: Indices, faces: Indices,
-    share: Array, by_body: Array, wall_velocity: Array,
-) -> None:  # fmt: skip
-    """Do plane k of component a (3: of the cells) for `fill_solid_share`."""
-    px = lowest[0] + (0.0 if a == 0 else 0.5 * spacing[0])
-    py = lowest[1] + (0.0 if a == 1 else 0.5 * spacing[1])
-    z = lowest[2] + k * spacing[2] + (0.0 if a == 2 else 0.5 * spacing[2])
-    for j in range(faces[1]):
-        y = py + j * spacing[1]
-        for i in range(faces[0]):
-            x = px + i * spacing[0]
-            n = (k + MARGIN) * stride[2] + (j + MARGIN) * stride[1] + (i + MARGIN)
-            total, moving = 0.0, 0.0
-            for b in range(by_body.shape[0]):
-                by_body[b, n] = 0.0
-            for s in range(walls.kind.shape[0]):
-                b = walls.body[s]
-                if not immersed[b]:
-                    continue
-                d, gx, gy, gz = distance_to_wall(walls, s, x, y, z)
-                part = solid_share(d, gx, gy, gz, spacing)
-                if part > by_body[b, n]:  # shapes of a body overlap: what one of them covers is covered
-                    by_body[b, n] = part
-            for b in range(by_body.shape[0]):
-                total += by_body[b, n]
-            scale = 1.0 / total if total > 1.0 else 1.0
-            for b in range(by_body.shape[0]):
-                by_body[b, n] *= scale
-                if by_body[b, n] > 0.0 and a < 3:
-                    velocity = wall_motion(walls, b, (x, y, z))[1]
-                    moving += by_body[b, n] * velocity[a]
-            share[n] = min(total, 1.0)
-            wall_velocity[n] = moving
+@inlined
+def is_sure(cells: Array, b: int, n: int, step: int) -> bool:
+    """Whether both cells beside a face are wholly in body b, or wholly out of it; then so is the face."""
+    here, before = cells[b, n], cells[b, n - step]
+    sure: bool = here == before and here in (0.0, 1.0)
+    return sure
 
 
 @kernel
-def fill_solid_share(
-    a: int, walls: Bodies, immersed: Flags, lowest: Vector, spacing: Vector, stride: Indices, faces: Indices,
-    share: Array, by_body: Array, wall_velocity: Array,
+def body_share(walls: Bodies, b: int, x: float, y: float, z: float, spacing: Vector) -> float:
+    """Share of a control volume about a point (m) that lies in body b; shapes of a body may overlap."""
+    most = 0.0
+    for s in range(walls.kind.shape[0]):
+        if walls.body[s] == b:
+            d, gx, gy, gz = distance_to_wall(walls, s, x, y, z)
+            most = max(most, solid_share(d, gx, gy, gz, spacing))
+    return most
+
+
+@kernel
+def fill_body_share(
+    a: int, b: int, walls: Bodies, lowest: Vector, spacing: Vector, stride: Indices, cells: Indices, of_cells: Array,
+    by_body: Array, moving: Array,
 ) -> None:  # fmt: skip
-    """Fill α (size,), each body's part of it (bodies, size) and α u_w (size,), m/s, of a component, or of cells (3)."""
-    for k in range(faces[2]):
-        fill_plane(k, a, walls, immersed, lowest, spacing, stride, faces, share, by_body, wall_velocity)
+    """Fill the share (bodies, size) of body b of the faces of component a, or of the cells (a = 3), and its u_w, m/s.
+
+    That of the cells, `of_cells` (bodies, size), tells which faces need no look.
+    """
+    for k in range(cells[2] + (a == 2)):
+        z = lowest[2] + (k if a == 2 else k + 0.5) * spacing[2]
+        for j in range(cells[1] + (a == 1)):
+            y = lowest[1] + (j if a == 1 else j + 0.5) * spacing[1]
+            for i in range(cells[0] + (a == 0)):
+                x = lowest[0] + (i if a == 0 else i + 0.5) * spacing[0]
+                n = (k + MARGIN) * stride[2] + (j + MARGIN) * stride[1] + (i + MARGIN)
+                inside = (i, j, k)
+                if a < 3 and 0 < inside[a] < cells[a] and is_sure(of_cells, b, n, stride[a]):
+                    by_body[b, n] = of_cells[b, n]
+                else:
+                    by_body[b, n] = body_share(walls, b, x, y, z, spacing)
+                if a < 3 and by_body[b, n] > 0.0:
+                    moving[b, n] = wall_motion(walls, b, (x, y, z))[1][a]
 
 
 class Immersed:
@@ -79,16 +76,25 @@ class Immersed:
         self.share = np.zeros((4, grid.size))  # α of the faces of each component, and of the cells
         self.wall = np.zeros((4, grid.size))  # α u_w, m/s
         self.by_body = np.zeros((4, len(immersed), grid.size))
-        self.update_()
+        self.speed = np.zeros((4, len(immersed), grid.size))  # u_w of each body, m/s, where it covers anything
+        self._fill(np.flatnonzero(self.immersed))
 
     def update_(self) -> None:
-        """Bring the shares up to date with the bodies' places."""
-        for a in range(4):
-            faces = np.array([n + (axis == a) for axis, n in enumerate(self.grid.cells)])
-            fill_solid_share(
-                a, self.walls, self.immersed, self.grid.lowest, self.grid.spacing, np.array(self.grid.stride), faces,
-                self.share[a], self.by_body[a], self.wall[a],
-            )  # fmt: skip
+        """Bring the shares up to date with the places of the bodies that move."""
+        self._fill(np.flatnonzero(self.immersed & (self.walls.motion > 0)))
+
+    def _fill(self, bodies: Indices) -> None:
+        grid, stride, cells = self.grid, np.array(self.grid.stride), np.array(self.grid.cells)
+        for a in (3, 0, 1, 2):
+            for b in bodies:
+                fill_body_share(
+                    a, int(b), self.walls, grid.lowest, grid.spacing, stride, cells, self.by_body[3], self.by_body[a],
+                    self.speed[a],
+                )  # fmt: skip
+            part = self.by_body[a]
+            total = part.sum(axis=0)
+            self.share[a] = np.minimum(total, 1.0)
+            self.wall[a] = (part * self.speed[a]).sum(axis=0) / np.maximum(total, 1.0)  # bodies may overlap as well
 
     def tally_(self, axis: int, force: Array, share: float, given: Array) -> None:
         """Add to `given` (bodies, 7) what each body's part of a force (N/m³) on the faces of a component amounts to.
@@ -97,7 +103,7 @@ class Immersed:
         and work at its own velocity.
         """
         points = face_points(axis, self.grid)
-        total = faces_of(self.share[axis], axis, self.grid)
+        total = faces_of(self.by_body[axis].sum(axis=0), axis, self.grid)
         once = along(axis, slice(None, -1) if self.grid.periodic[axis] else slice(None))
         for b in np.flatnonzero(self.immersed):
             part = faces_of(self.by_body[axis, b], axis, self.grid)

@@ -3,33 +3,18 @@
 The sum runs over the six faces of a cell and h is the spacing along the face's axis. The coefficients contain the
 boundary conditions: a boundary face with A = 0 is a wall, one with A > 0 has p = 0 on the face itself, half a cell
 away. A cell whose faces are all closed lies inside a solid and has no pressure.
+
+In a region of connected cells that no face of known pressure touches, pressure has no level of its own.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import numba
 import numpy as np
-from numba import prange
+from numpy.typing import NDArray
 
 from sim.coarsening import fill_levels
-from sim.kernel import Array, kernel, parallel_kernel, signed
-from sim.multigrid import (
-    FEWEST_TO_SHARE,
-    Grids,
-    Level,
-    cycle_,
-    empty_grids,
-    level_of,
-    outflow,
-    row_start,
-    rows_of,
-    strides,
-    wrap_,
-)
-from sim.regions import Regions, fill_regions, remove_means_
-
-SWEEPS = 1  # of the smoother before and after each coarse correction
-DIRECTION, APPLY, ADVANCE, PRODUCT, START, REST = range(6)  # what can be done to rows of the vectors
+from sim.kernel import Array, Indices, kernel
+from sim.multigrid import INVERSE, WX, WY, WZ, B, X, cycle_, empty_levels, layers, outflow, wrap_
 
 
 class Solution(NamedTuple):
@@ -40,186 +25,55 @@ class Solution(NamedTuple):
     imbalance: float  # mean taken from rhs in a region without a face of known pressure, the largest of all regions
 
 
-class Vectors(NamedTuple):
-    """Vectors of the iteration beside those of the finest level (b: residual, x: preconditioned, rest: product)."""
-
-    pressure: Array  # (cells,)
-    rhs: Array  # (cells,)
-    search: Array  # (padded cells,)
-    partial: Array  # (rows,) sums or largest values of rows
-
-
 @kernel
-def apply_rows(level: Level, vectors: Vectors, first: int, last: int) -> None:
-    """Fill the product A s with the search direction, and per row its part of s·A s."""
-    sy, sz = np.uint64(strides(level)[1]), np.uint64(strides(level)[2])
-    search, product, (wx, wy, wz) = vectors.search, level.rest, (level.wx, level.wy, level.wz)
-    for row in range(first, last):
-        begin, total = row_start(level, row), 0.0
-        for i in range(level.cells[0]):
-            m = np.uint64(begin + i)
-            product[m] = outflow(search, wx, wy, wz, m, sy, sz)
-            total += search[m] * product[m]
-        vectors.partial[row] = total
-
-
-@kernel
-def rest_rows(level: Level, vectors: Vectors, first: int, last: int) -> None:
-    """Fill b with the residual of the pressure, whose copy stands in `search`, and per row its largest value."""
-    sy, sz = np.uint64(strides(level)[1]), np.uint64(strides(level)[2])
-    rhs, search, b, (wx, wy, wz) = vectors.rhs, vectors.search, level.b, (level.wx, level.wy, level.wz)
-    for row in range(first, last):
-        begin, place, largest = row_start(level, row), row * level.cells[0], 0.0
-        for i in range(level.cells[0]):
-            m = np.uint64(begin + i)
-            b[m] = -rhs[place + i] - outflow(search, wx, wy, wz, m, sy, sz)
-            largest = max(largest, abs(b[m]))
-        vectors.partial[row] = largest
-
-
-@kernel
-def advance_rows(level: Level, vectors: Vectors, step: float, first: int, last: int) -> None:
-    """Move pressure and residual along the search direction; note the largest |residual| of each row."""
-    pressure, search, b, product = vectors.pressure, vectors.search, level.b, level.rest
-    for row in range(first, last):
-        begin, place, largest = row_start(level, row), row * level.cells[0], 0.0
-        for i in range(level.cells[0]):
-            pressure[place + i] += step * search[begin + i]
-            b[begin + i] -= step * product[begin + i]
-            largest = max(largest, abs(b[begin + i]))
-        vectors.partial[row] = largest
-
-
-@kernel
-def product_rows(level: Level, vectors: Vectors, first: int, last: int) -> None:
-    """Fill the parts of b·x of rows."""
-    b, x = level.b, level.x
-    for row in range(first, last):
-        begin, total = row_start(level, row), 0.0
-        for m in range(begin, begin + level.cells[0]):
-            total += b[m] * x[m]
-        vectors.partial[row] = total
-
-
-@kernel
-def direct_rows(level: Level, vectors: Vectors, share: float, first: int, last: int) -> None:
-    """Turn the search direction to x + share times itself."""
-    x, search = level.x, vectors.search
-    for row in range(first, last):
-        begin = row_start(level, row)
-        for m in range(begin, begin + level.cells[0]):
-            search[m] = x[m] + share * search[m]
-
-
-@kernel
-def copy_rows(level: Level, vectors: Vectors, first: int, last: int) -> None:
-    """Copy the pressure to the padded `search`."""
-    pressure, search = vectors.pressure, vectors.search
-    for row in range(first, last):
-        begin, place = row_start(level, row), row * level.cells[0]
-        for i in range(level.cells[0]):
-            search[begin + i] = pressure[place + i]
-
-
-@kernel
-def do_vector_rows(task: int, grids: Grids, vectors: Vectors, scale: float, first: int, last: int) -> None:
-    """Do one of the tasks to some rows."""
-    level = level_of(grids, 0)
-    if task == DIRECTION:
-        direct_rows(level, vectors, scale, first, last)
-    elif task == APPLY:
-        apply_rows(level, vectors, first, last)
-    elif task == ADVANCE:
-        advance_rows(level, vectors, scale, first, last)
-    elif task == PRODUCT:
-        product_rows(level, vectors, first, last)
-    elif task == START:
-        copy_rows(level, vectors, first, last)
-    else:
-        rest_rows(level, vectors, first, last)
-
-
-@parallel_kernel
-def share_vector_rows(task: int, grids: Grids, vectors: Vectors, scale: float, rows: int, shares: int) -> None:
-    """Do a task to all rows; any number of shares gives the same numbers."""
-    for c in prange(shares):
-        do_vector_rows(
-            task, grids, vectors, scale, signed(c) * rows // shares, (signed(c) + 1) * rows // shares
-        )  # fmt: skip
-
-
-@kernel
-def run_vectors(task: int, grids: Grids, vectors: Vectors, scale: float, threads: int) -> None:
-    """Do a task to all rows."""
-    rows, cells = rows_of(level_of(grids, 0)), vectors.rhs.shape[0]
-    if threads == 1 or cells < FEWEST_TO_SHARE:
-        do_vector_rows(task, grids, vectors, scale, 0, rows)
-    else:
-        share_vector_rows(task, grids, vectors, scale, rows, threads)
-
-
-@kernel
-def total_of(partial: Array) -> float:
-    """Sum in a fixed order."""
-    total = 0.0
-    for value in partial:
-        total += value
+def apply_(fields: Array, x: Array, product: Array, nx: int, ny: int, nz: int) -> float:
+    """Fill the product A x of a padded vector and return x·A x."""
+    wx, wy, wz, total = fields[WX], fields[WY], fields[WZ], 0.0
+    sy, sz = np.uint64(nx + 2), np.uint64((nx + 2) * (ny + 2))
+    for k in range(1, nz + 1):
+        for j in range(1, ny + 1):
+            m = np.uint64((k * (ny + 2) + j) * (nx + 2) + 1)
+            part = 0.0
+            for _ in range(nx):
+                product[m] = outflow(x, wx, wy, wz, m, sy, sz)
+                part += x[m] * product[m]
+                m += np.uint64(1)
+            total += part
     return total
 
 
 @kernel
-def true_residual(grids: Grids, vectors: Vectors, threads: int) -> float:
-    """Fill b with the residual of the pressure, by its definition, and return the largest |residual|."""
-    level = level_of(grids, 0)
-    run_vectors(START, grids, vectors, 0.0, threads)
-    wrap_(level, vectors.search)
-    run_vectors(REST, grids, vectors, 0.0, threads)
-    return vectors.partial.max()  # type: ignore[no-any-return]
+def advance_(pressure: Array, b: Array, search: Array, product: Array, step: float) -> float:
+    """Move pressure and residual along the search direction and return the largest |residual|."""
+    largest = 0.0
+    for m in range(b.shape[0]):
+        pressure[m] += step * search[m]
+        b[m] -= step * product[m]
+        largest = max(largest, abs(b[m]))
+    return largest
 
 
 @kernel
-def iterate(grids: Grids, vectors: Vectors, tolerance: float, most: int, threads: int) -> int:
-    """Reduce the residual b to the tolerance and return how many iterations it took."""
-    level = level_of(grids, 0)
-    before = 0.0
-    for iteration in range(most):
-        cycle_(grids, SWEEPS, threads)
-        run_vectors(PRODUCT, grids, vectors, 0.0, threads)
-        power = total_of(vectors.partial)
-        if not power > 0.0:
-            return iteration
-        run_vectors(DIRECTION, grids, vectors, power / before if iteration > 0 else 0.0, threads)
-        wrap_(level, vectors.search)
-        run_vectors(APPLY, grids, vectors, 0.0, threads)
-        curvature = total_of(vectors.partial)
-        if not curvature > 0.0:
-            return iteration
-        run_vectors(ADVANCE, grids, vectors, power / curvature, threads)
-        before = power
-        if vectors.partial.max() <= tolerance:
-            return iteration + 1
-    return most
-
-
-@kernel
-def solve(
-    grids: Grids, regions: Regions, vectors: Vectors, tolerance: float, most: int, threads: int
-) -> tuple[int, float, float]:
-    """Iterate until the residual by definition is within the tolerance; start afresh where rounding kept it above."""
-    imbalance = remove_means_(regions, vectors.rhs)
-    if not vectors.rhs.any():
-        vectors.pressure[:] = 0.0
-    remove_means_(regions, vectors.pressure)
-    done = 0
-    residual = true_residual(grids, vectors, threads)
-    while residual > tolerance and done < most:
-        count = iterate(grids, vectors, tolerance, most - done, threads)
-        remove_means_(regions, vectors.pressure)
-        residual = true_residual(grids, vectors, threads)
-        if count == 0:
-            break
-        done += count
-    return done, residual, imbalance
+def join_(label: Indices, fields: Array, nx: int, ny: int, nz: int) -> None:
+    """Give all cells that open faces join the number of one of them; `label` says what the ghosts are one with."""
+    steps = (1, nx + 2, (nx + 2) * (ny + 2))
+    for k in range(1, nz + 2):
+        for j in range(1, ny + 2):
+            for i in range(1, nx + 2):
+                m = k * steps[2] + j * steps[1] + i
+                for axis in range(3):
+                    if fields[WX + axis, m] == 0.0:
+                        continue
+                    a, b = m, m - steps[axis]
+                    while label[a] != a:  # the first of a region is its own; shorten the way to it
+                        label[a] = label[label[a]]
+                        a = label[a]
+                    while label[b] != b:
+                        label[b] = label[label[b]]
+                        b = label[b]
+                    label[max(a, b)] = min(a, b)
+    for m in range(label.shape[0]):
+        label[m] = label[label[m]]  # that of a lower cell is already the first of the region
 
 
 class PressureSolver:
@@ -228,35 +82,83 @@ class PressureSolver:
     def __init__(
         self, cells: tuple[int, int, int], spacing: tuple[float, float, float], periodic: tuple[bool, bool, bool]
     ) -> None:
-        self.shape = cells[::-1]
+        self.cells = cells
         self.spacing = spacing
         self.periodic = periodic
-        self.grids = empty_grids(cells, spacing, np.array(periodic, np.int64))
-        self.search = np.zeros(int(self.grids.start[1]))
-        self.partial = np.zeros(cells[1] * cells[2])
-        self.rhs = np.zeros(self.shape)
-        self.regions = Regions(
-            label=np.zeros(int(np.prod(cells)), np.int64),
-            floats=np.zeros(int(np.prod(cells)), np.uint8),
-            mean=np.zeros(int(np.prod(cells))),
-            size=np.zeros(int(np.prod(cells)), np.int64),
-        )
+        self.levels = empty_levels(cells, spacing, periodic)
+        self.pressure, self.rhs, self.search, self.product = np.zeros((4, self.levels[0].fields.shape[1]))  # padded
+        self.label = np.zeros(self.rhs.size, np.int64)  # region of each padded cell, 0 for cells that belong to none
+        self.size = np.full(1, np.inf)  # cells of each region; the mean of "region" 0 is then zero
 
     def set_coefficients(self, ax: Array, ay: Array, az: Array) -> None:
         """Take the coefficients A_f of all faces: ax (nz, ny, nx + 1), ay (nz, ny + 1, nx), az (nz + 1, ny, nx)."""
-        padded = tuple(n + 2 for n in self.shape)
-        for field, a in enumerate((ax, ay, az)):
-            axis = 2 - field
-            w = self.grids.fields[3 + field, : self.grids.start[1]].reshape(padded)
-            inside = w[tuple(slice(1, None if d == axis else -1) for d in range(3))]
-            np.divide(a, self.spacing[field] ** 2, out=inside)
-            ends = np.moveaxis(inside, axis, 0)[:: max(1, self.shape[axis])]
-            if not self.periodic[field]:
-                ends *= 2.0  # the face is half a cell away
-            elif self.shape[axis] == 1:
-                ends[:] = 0.0  # a cell is its own neighbour
-        fill_levels(self.grids)
-        fill_regions(self.grids, self.regions)
+        for axis, a in enumerate((ax, ay, az)):
+            w = layers(self.levels[0].fields[WX + axis], self.cells, axis)[1:]
+            np.divide(np.moveaxis(a, 2 - axis, 0), self.spacing[axis] ** 2, out=w)
+            if not self.periodic[axis]:
+                w[0] *= 2.0  # the face is half a cell away
+                w[-1] *= 2.0
+        fill_levels(self.levels)
+        self._fill_regions()
+
+    def _fill_regions(self) -> None:
+        """Give numbers from 1 to the regions whose pressure is free up to a constant."""
+        level, number = self.levels[0], np.arange(self.label.size)
+        first = np.zeros_like(number)  # ghosts are one with cell 0: behind an open face the pressure is known
+        self._inside(first)[:] = self._inside(number)
+        for axis in range(3):
+            if self.periodic[axis]:
+                along = layers(first, self.cells, axis)
+                along[0], along[-1] = along[-2], along[1]
+        join_(first, level.fields, *self.cells)
+        first[level.fields[INVERSE] == 0.0] = 0
+        self.label = (np.cumsum(first == number) - 1)[first]
+        self.size = np.bincount(self.label).astype(float)
+        self.size[0] = np.inf
+
+    def _inside(self, field: NDArray[Any]) -> NDArray[Any]:
+        """Return the cells of a padded field, shape (nz, ny, nx)."""
+        return layers(field, self.cells, 2)[1:-1]
+
+    def _remove_means_(self, values: Array) -> float:
+        """Take their mean from the values of every region whose pressure is free, and return the largest."""
+        if self.size.size == 1:
+            return 0.0
+        means = np.bincount(self.label, values) / self.size
+        values -= means[self.label]
+        return float(means[np.abs(means).argmax()])
+
+    def _fill_residual(self) -> float:
+        """Fill b with the residual of the pressure, by its definition, and return the largest |residual|."""
+        level = self.levels[0]
+        wrap_(level, self.pressure)
+        apply_(level.fields, self.pressure, self.product, *self.cells)
+        b = level.fields[B]
+        np.negative(self.rhs, out=b)
+        b -= self.product
+        return float(np.abs(b).max())
+
+    def _iterate_(self, tolerance: float, most: int) -> int:
+        """Reduce the residual b to the tolerance and return how many iterations it took."""
+        level, search, product = self.levels[0], self.search, self.product
+        b, x = level.fields[B], level.fields[X]
+        before = np.inf
+        search[:] = 0.0
+        for iteration in range(most):
+            cycle_(self.levels)
+            power = float(np.multiply(b, x, out=product).sum())
+            if not power > 0.0:
+                return iteration
+            search *= power / before
+            search += x
+            wrap_(level, search)
+            curvature = apply_(level.fields, search, product, *self.cells)
+            if not curvature > 0.0:
+                return iteration
+            if advance_(self.pressure, b, search, product, power / curvature) <= tolerance:
+                return iteration + 1
+            before = power
+        return most
 
     def solve_(self, pressure: Array, rhs: Array, tolerance: float, most: int = 200) -> Solution:
         """Replace the first guess `pressure` (nz, ny, nx) by the solution for `rhs` (nz, ny, nx), in units of A p/h².
@@ -264,6 +166,20 @@ class PressureSolver:
         Stops when no cell's |residual| exceeds `tolerance` (unit of rhs) or after `most` iterations: look at the
         residual. In a region without a face of known pressure the mean of rhs is taken away and that of p is zero.
         """
-        np.copyto(self.rhs, rhs)
-        vectors = Vectors(pressure.reshape(-1), self.rhs.reshape(-1), self.search, self.partial)
-        return Solution(*solve(self.grids, self.regions, vectors, tolerance, most, numba.get_num_threads()))
+        is_open = self._inside(self.levels[0].fields[INVERSE]) > 0.0
+        self._inside(self.rhs)[:] = np.where(is_open, rhs, 0.0)
+        self._inside(self.pressure)[:] = np.where(is_open, pressure, 0.0)
+        imbalance = self._remove_means_(self.rhs)
+        if not self.rhs.any():
+            self.pressure[:] = 0.0
+        self._remove_means_(self.pressure)
+        done, residual = 0, self._fill_residual()
+        while residual > tolerance and done < most:  # start afresh where rounding kept the residual above
+            count = self._iterate_(tolerance, most - done)
+            self._remove_means_(self.pressure)
+            residual = self._fill_residual()
+            if count == 0:
+                break
+            done += count
+        pressure[:] = np.where(is_open, self._inside(self.pressure), 0.0)
+        return Solution(done, residual, imbalance)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from math import sqrt
+from time import perf_counter
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -43,6 +44,7 @@ class Simulation:
         self.dt, self.steps_per_snapshot = time_step(scene)
         self.snapshots = snapshots_in(scene)
         self.gravity = scene.gravity.acceleration if scene.gravity else None
+        self.seconds = {"lists": 0.0}  # what parts of the run took; contact and motion are the rest
         self.suspended: Suspended | None = None  # what a fluid does to the particles; see sim/coupled.py
         self.pair_law, self.pair_laws, self.wall_laws = law_of(scene.contact), laws_of(scene), laws_of_walls(scene)
         self.pairs_roll = True if scene.pairs_roll else None
@@ -77,6 +79,11 @@ class Simulation:
 
         Raises LimitError where a position is not a number or a centre is beyond a wall.
         """
+        began = perf_counter()
+        self._rebuild()
+        self.seconds["lists"] += perf_counter() - began
+
+    def _rebuild(self) -> None:
         if not np.isfinite(self.particles.position.sum()):
             finite = np.isfinite(self.particles.position).all(axis=1)
             raise self._stopped(int(np.argmin(finite)), "position is not a number", "lower time.step")
@@ -197,6 +204,18 @@ class Simulation:
 
     def restore_fluid_(self, state: dict[str, NDArray[Any]]) -> None:
         """Put a fluid into a state that `fluid_state` returned."""
+
+    def term_seconds(self) -> dict[str, float]:
+        """Return what parts of the run have taken so far, s."""
+        return dict(self.seconds)
+
+    def steps_to_next_flow(self) -> int:
+        """Return the steps that a step of the fluid spans now; in a dry run there is none."""
+        return 1
+
+    def fluid_bytes(self) -> int:
+        """Return the bytes that a fluid takes."""
+        return 0
 
     @property
     def time(self) -> float:

@@ -4,15 +4,16 @@ from typing import Any
 
 import numba
 
-from sim import InputError, Scene
+from sim import InputError, Scene, simulation_of
 from sim.assembly import walls_of
-from sim.cost import MeasuredSimulation, StepCost, memory_of, step_cost
+from sim.cost import StepCost, memory_of, step_cost
 from sim.filling import BULK_SOLIDS, Region, region_of, solid_fraction
 from sim.impact import SMALL_OVERLAP, expected_speeds, overlaps_at, stiffness_for
 from sim.simulation import Simulation
 from sim.timestep import time_limits
 from suffice import layout
 from suffice.quantities import QUANTITIES
+from suffice.refusal import Refusal
 from suffice.starting import read_start
 from suffice.store import DTYPES
 from suffice.wording import bytes_text, number, seconds_text
@@ -24,7 +25,9 @@ def explain(scene: Scene) -> dict[str, Any]:
     The cost is measured over the first steps. Raises InputError or Refusal for a scene that cannot start, and
     LimitError where a limit is violated in those steps.
     """
-    run = MeasuredSimulation(scene, start=read_start(scene))
+    run = simulation_of(scene, read_start(scene))
+    if not isinstance(run, Simulation):
+        raise Refusal("--explain: the scene has no particles; run it, its steps are those of the fluid alone")
     answer = {
         "particles": _particles(run),
         "time_step": _time_step(run),
@@ -109,7 +112,25 @@ def _terms(scene: Scene, memory: dict[str, int], cost: StepCost) -> list[dict[st
     repeats = f", periodic in {', '.join(scene.periodic.directions)}" if scene.periodic else ""
     weight = f"velocity Verlet{', gravity' if scene.gravity else ''}{repeats}"
     rows.append(("motion", weight, memory["particles"] + memory["forces"], cost.motion))
+    rows += _of_fluid(scene, memory, cost)
     return [{"term": t, "what": w, "bytes": b, "seconds_per_step": s} for t, w, b, s in rows]
+
+
+def _of_fluid(scene: Scene, memory: dict[str, int], cost: StepCost) -> list[tuple[str, str, int, float]]:
+    """Rows of the terms of the fluid."""
+    if scene.fluid is None:
+        return []
+    x, y, z = scene.fluid.cells
+    drag = "none" if scene.drag is None else f"{scene.drag.law}, {scene.drag.coupling}"
+    bodies = ", ".join(wall.name for wall in scene.walls if wall.immersed)
+    what = {
+        "momentum": f"{x} x {y} x {z} cells, convection {scene.fluid.convection}, implicit viscosity",
+        "pressure": "conjugate gradients, multigrid",
+        "exchange": f"drag {drag}",
+        "immersed": f"bodies {bodies}" if bodies else "",
+    }
+    rows = [(name, what[name], memory["fluid"] if name == "momentum" else 0, cost.fluid[name]) for name in what]
+    return [row for row in rows if row[1]]
 
 
 def _left_out(scene: Scene) -> list[str]:

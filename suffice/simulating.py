@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
-from math import inf
+from math import inf, prod
 from pathlib import Path
 from typing import Any
 
@@ -145,6 +145,7 @@ def _cost(path: Path, simulation: AnyRun, steps: int, seconds: float) -> dict[st
         "seconds": seconds,
         "particle_steps_per_second": particle_steps / seconds if seconds else 0.0,
         "threads": numba.get_num_threads(),
+        "seconds_of": {name: round(taken, 3) for name, taken in simulation.term_seconds().items()},
     }
 
 
@@ -246,9 +247,12 @@ def _asked_to_stop() -> Iterator[list[bool]]:
 
 
 def _run(simulation: AnyRun, writer: RunWriter, path: Path, reporter: Reporter) -> None:
-    work = len(simulation.particles.radius) * simulation.steps_per_snapshot
+    n, unit = len(simulation.particles.radius), "particle-steps"
+    if not n and simulation.scene.fluid is not None:
+        n, unit = prod(simulation.scene.fluid.cells), "cell-steps"
+    work = n * simulation.steps_per_snapshot
     saved = time.monotonic()
-    with reporter.stage("simulate", "particle-steps", work) as advance, _asked_to_stop() as asked:
+    with reporter.stage("simulate", unit, work) as advance, _asked_to_stop() as asked:
         advance(writer.n_complete, simulation.snapshots)
         while writer.n_complete < simulation.snapshots:
             try:
