@@ -5,6 +5,7 @@ from math import pi
 import numpy as np
 
 from sim.combination import rows_of
+from sim.grid import grid_of
 from sim.kernel import Array
 from sim.law import ContactLaw, contact_law
 from sim.motion import FIXED, MOTION_PARAMETERS, OSCILLATING, ROTATING, TRANSLATING, Bodies, move_bodies
@@ -55,6 +56,18 @@ def laws_of_walls(scene: Scene) -> Array:
     return np.array([law_of(contact) for contact in scene.contacts_with_walls]).reshape(-1, len(ContactLaw._fields))
 
 
+def _sizes_to_resolve(scene: Scene) -> list[float]:
+    """Return the sizes (m) of what meets meshes: the particles, and where the fluid does its cells, corner to corner."""
+    sizes = [size for table in scene.particles for size in (table.smallest, table.largest)]
+    if scene.fluid is None:
+        return sizes
+    spacing = grid_of(scene.fluid, scene.repeats).spacing
+    sizes = sizes or [min(spacing)]
+    if any(wall.immersed for wall in scene.walls):
+        sizes.append(max(2.0 * max(spacing), min(sizes)))
+    return sizes
+
+
 def walls_of(scene: Scene) -> Bodies | None:
     """Return the walls of a scene at time zero, or None where it has none.
 
@@ -62,7 +75,7 @@ def walls_of(scene: Scene) -> Bodies | None:
     """
     if not scene.walls:
         return None
-    meshes = Meshes([size for table in scene.particles for size in (table.smallest, table.largest)])
+    meshes = Meshes(_sizes_to_resolve(scene))
     solids = [(b, solid) for b, table in enumerate(scene.walls) for solid in solids_of(b, table, meshes)]
     rows, program = rows_of([solid for _, solid in solids])
     blocks, spline = meshes.arrays()
