@@ -1,4 +1,4 @@
-"""Flow between plates: the parabola of Poiseuille, the line of Couette and how it comes about, plug flow without friction.
+"""Flow between plates: the parabola of Poiseuille, the line of Couette and how it comes about, frictionless plug flow.
 
 Viscosity is implicit, so that a few long steps reach the steady state.
 """
@@ -124,7 +124,7 @@ def test_couette_flow_comes_about_by_diffusion_with_second_order():
 
 def test_between_walls_without_friction_all_fluid_moves_as_one():
     """Plug flow that is ramped up: at every moment ρ L dU/dt is the pressure drop."""
-    slip = {side: SLIP for side in ("-y", "+y", "-z", "+z")}
+    slip = dict.fromkeys(("-y", "+y", "-z", "+z"), SLIP)
     fluid = inflow_channel(4, {"speed": 1.0, "start_speed": 0.2, "ramp": 0.4}, slip) | {"step": 0.02, "viscosity": 1e-3}
     for k, seen in enumerate(snapshots(fluid, 0.6, 6)):
         if k == 0:
