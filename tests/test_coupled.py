@@ -11,6 +11,7 @@ from sim import InputError, LimitError, Scene, parse_scene, scene_text, simulati
 from sim.checkpoint import restore_, state_of
 from sim.coupled import CoupledSimulation
 from sim.flowing import FlowSimulation
+from suffice.store import Run
 
 BOX = {"name": "box", "shapes": [{"shape": "box", "lowest": [0, 0, 0], "highest": [8e-3] * 3, "particles": "inside"}]}
 PADDLE = {
@@ -148,6 +149,44 @@ def test_a_scene_that_makes_no_sense_is_refused(tables, words):
         tables = tables | {"fluid": wet["fluid"] | tables["fluid"]}
     with pytest.raises((InputError, ValueError), match=words):
         Scene.model_validate({name: value for name, value in (wet | tables).items() if value is not None})
+
+
+def test_a_thin_wall_in_the_fluid_is_refused():
+    cup = {"shape": "cylinder", "axis": [0, 0, 1], "centre": [4e-3] * 3, "radius": 3e-3, "length": 6e-3, "open": ["+"],
+           "particles": "inside"}  # fmt: skip
+    with pytest.raises(InputError, match=r"walls.1.immersed = true: 'cup' has an open cylinder"):
+        simulation_of(stirred(walls=(BOX, {"name": "cup", "immersed": True, "shapes": [cup]})))
+
+
+def test_a_deck_of_lammps_refuses_the_fluid_by_name(tmp_path, suffice):
+    answer = suffice("simulate", "mini_mill", "-o", tmp_path / "run.h5", "--engine", "lammps")
+    assert answer.code == 2
+    assert "fluid" in answer.err
+    assert "a LAMMPS deck cannot say it" in answer.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_run_on_disk_holds_the_fluid_and_its_view_shows_it(tmp_path, suffice):
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkIOHDF import vtkHDFReader
+
+    path = tmp_path / "run.h5"
+    answer = suffice("simulate", "mini_mill", "-o", path, "--until", "0.002", "--threads", "1")
+    assert answer.code == 0, answer.err
+    with Run(path) as run:
+        assert {"fluid.velocity", "fluid.pressure", "fluid.void_fraction"} <= set(run.quantities)
+        assert run.grid == ((10, 18, 18), (-0.01125, -0.01125, -0.006), pytest.approx((0.00125, 0.00125, 0.0012)))
+        now = run.snapshot(2).values
+        assert {"fluid_torque.rotor.z", "fluid.work.particles", "bed_height"} <= set(run.series)
+        assert run.series["fluid_torque.rotor.z"][-1] > 0.0
+    reader = vtkHDFReader()
+    reader.SetFileName(str(tmp_path / "run.fluid.vtkhdf"))
+    reader.UpdateInformation()
+    assert reader.UpdateTimeStep(0.002)
+    cells = reader.GetOutputDataObject(0).GetCellData()
+    shown = vtk_to_numpy(cells.GetArray("velocity")).reshape(10, 18, 18, 3)
+    assert np.array_equal(shown, now["fluid.velocity"])
+    assert np.array_equal(vtk_to_numpy(cells.GetArray("void_fraction")).ravel(), now["fluid.void_fraction"].ravel())
 
 
 def balance(run, snapshots):
