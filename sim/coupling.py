@@ -1,7 +1,7 @@
 """Drag between particles and fluid within a step of the fluid, implicit in the velocities of both.
 
 The fluid's step sees the particles through K = Σ κ w / V_cell. A particle that touches nothing will follow the fluid
-within the step, by m dv/dt = κ (u' − v) + m a with the fluid's new velocity u' and a = g + buoyancy + pressure gradient:
+within the step, by m dv/dt = κ (u' − v) + m a with the fluid's new velocity u', a = g + buoyancy + pressure gradient:
 drag gives it m (1 − e^(−λΔt)) (u' − v̂), v̂ = v + a (Δt/(1 − e^(−λΔt)) − 1/λ), λ = κ/m, and takes that from the fluid,
 so that slip decays without overshoot. One that others hold acts with all of κ. Then the particles sub-step with the new
 velocity and pressure. What they gained by drag is what the fluid owes; where that differs from what its step assumed,
