@@ -10,7 +10,7 @@ from sim.coupled import CoupledSimulation
 
 pytestmark = pytest.mark.physics
 
-DURATION, FROM = 0.4, 0.2  # s; the bed has settled, and the first bubble has burst, before `FROM`
+DURATION, FROM = 0.3, 0.18  # s; before `FROM` the bed settles, and its first bubbles rise
 
 
 def test_bubbling_bed_expands_from_three_centimetres_to_five():

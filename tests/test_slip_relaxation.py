@@ -7,6 +7,8 @@ import pytest
 
 from sim.coupled import CoupledSimulation
 
+pytestmark = pytest.mark.physics
+
 DIAMETER, EDGE, DENSITY, VISCOSITY = 1e-3, 4e-3, 1000.0, 1e-3
 VOLUME, CELL = pi / 6 * DIAMETER**3, EDGE**3
 VOID = 1 - VOLUME / CELL
@@ -127,4 +129,5 @@ def test_many_beads_are_taken_along_by_a_stream_and_none_outruns_it(scene_of, st
     assert missing == pytest.approx(0, abs=1e-3)
     assert np.abs(c.impulse[0] + c.impulse[1] + c.owed.sum(axis=0)).max() < 1e-12 * np.abs(c.impulse).max()
     if stiffness > 0.5:
-        assert v[:, 0] == pytest.approx(common, rel=1e-3)
+        assert v[:, 0].mean() == pytest.approx(common, rel=1e-3)
+        assert v[:, 0] == pytest.approx(common, rel=5e-3)  # fluid makes way for the beads that drift along
