@@ -11,9 +11,9 @@ FEWEST = 5  # particles of a cell: one more than the numbers in a linear field o
 def granular_temperature(position: Array, velocity: Array, mass: Array, cell: Indices) -> float:
     """T = Σ m |c|² / (3 Σ m (1 − q/n)), m²/s²: c is what velocity differs by from its cell's linear field.
 
-    Each cell of n ≥ 5 particles that are not fixed has a field u + G·(x − x̄) of least squares, weighted by mass, so that neither a stream
+    Each cell of n ≥ 5 particles has a field u + G·(x − x̄) of least squares, weighted by mass, so that neither a stream
     nor shear or rotation heats; its q = 1 + rank numbers per component (4 in space) are taken off the degrees of
-    freedom. NaN where no cell has that many.
+    freedom. Fixed ones do not count. NaN where no cell has that many.
     """
     moves = mass > 0.0
     full = np.bincount(cell, moves) >= FEWEST
