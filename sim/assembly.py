@@ -57,7 +57,7 @@ def laws_of_walls(scene: Scene) -> Array:
 
 
 def _sizes_to_resolve(scene: Scene) -> list[float]:
-    """Return the sizes (m) of what meets meshes: the particles, and the cells of a fluid that does."""
+    """Return the sizes (m) of what meets meshes: the particles, and where the fluid does, its cells' diagonals."""
     sizes = [size for table in scene.particles for size in (table.smallest, table.largest)]
     if scene.fluid is None:
         return sizes

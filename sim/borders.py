@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.flow import SIDES, FluidTable, Inflow, NoSlip
-from sim.grid import MARGIN, Frame, Grid, along, face_points, faces_of
+from sim.grid import MARGIN, Frame, Grid, along, cells_of, face_points, faces_of
 from sim.kernel import Array, Indices, inlined, kernel
 
 PERIODIC, WALL, SLIP, OUTFLOW = range(4)
@@ -71,14 +71,18 @@ def inflow_shape(face: Inflow, axis: int, grid: Grid) -> Array:
     return np.asarray(shape * open_part / max(float(shape.sum()) * area, 1e-300))
 
 
-def set_inflow_(velocity: Array, table: FluidTable, grid: Grid, time: float) -> None:
-    """Put the speeds of the inflows at a time (s) on the borders of `velocity` (3, size)."""
+def set_inflow_(velocity: Array, table: FluidTable, void: Array, grid: Grid, time: float) -> None:
+    """Put the speeds of the inflows at a time (s) on the borders of `velocity` (3, size).
+
+    As much enters as through clear fluid: between particles, in cells of void fraction `void` (size,), it is faster.
+    """
     for s, side in enumerate(SIDES):
         face = table.faces.get(side)
         if isinstance(face, Inflow):
             axis, high = s // 2, s % 2
             speed = (-1.0 if high else 1.0) * inflow_speed(face, time) * inflow_shape(face, axis, grid)
-            faces_of(velocity[axis], axis, grid)[along(axis, -1 if high else 0)] = speed
+            side_of = along(axis, -1 if high else 0)
+            faces_of(velocity[axis], axis, grid)[side_of] = speed / cells_of(void, grid)[side_of]
 
 
 def close_(field: Array, axis: int, borders: Borders, grid: Grid) -> None:

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.motion import move_bodies
-from sim.simulation import AnyRun, Simulation
+from sim.runs import AnyRun
+from sim.simulation import Simulation
 
 TUPLES = ("particles", "listed", "near")
 ARRAYS = ("seen", "wrench", "spring", "wall_spring", "listed_at", "tally", "body_tally", "reported",

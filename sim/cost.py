@@ -83,7 +83,7 @@ def memory_of(run: Simulation) -> dict[str, int]:
         "forces": _bytes((run.seen, run.wrench)),
         "pairs": _bytes((*run.listed, run.spring, run.listed_at)),
         "walls": _bytes((*run.near, run.wall_spring, *(run.walls or ()))),
-        "fluid": run.fluid_bytes(),
+        "fluid": _bytes(run.fluid_arrays()),
     }
 
 

@@ -83,16 +83,11 @@ class CoupledSimulation(FluidSide, Simulation):
         """Return the steps that a step of the fluid spans now."""
         return self.substeps(self.steps_per_snapshot)
 
-    def fluid_bytes(self) -> int:
-        """Return the bytes that the fluid and its bodies take."""
-        owners = [self.fluid, self.fluid.immersed]
-        return sum(
-            rows.nbytes
-            for owner in owners
-            if owner is not None
-            for rows in vars(owner).values()
-            if isinstance(rows, np.ndarray)
-        )
+    def fluid_arrays(self) -> list[Array]:
+        """Return the arrays of the fluid and of its bodies."""
+        bodies = {} if self.fluid.immersed is None else vars(self.fluid.immersed)
+        owned = [*vars(self.fluid).values(), *bodies.values()]
+        return [rows for rows in owned if isinstance(rows, np.ndarray)]
 
     def snapshot(self) -> Snapshot:
         """Return the present moment, particles in the scene's order, and the fluid."""

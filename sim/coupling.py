@@ -1,10 +1,11 @@
 """Drag between particles and fluid within a step of the fluid, implicit in the velocities of both.
 
 The fluid's step sees the particles through K = Σ κ w / V_cell. A particle that touches nothing will follow the fluid
-within the step, by m (v' − v̂) = κ Δt (u − v') from v̂ = v + Δt (g + buoyancy + pressure gradient): it acts with κ/(1 + λ
-Δt) on the fluid; one that others hold acts with all of κ. Then the particles sub-step with the new velocity and
-pressure. What they gained by drag is what the fluid owes; where that differs from what its step assumed, the rest
-enters its next step, so that both sides agree to round-off in the sum (Newton's third law).
+within the step, by m dv/dt = κ (u' − v) + m a with the fluid's new velocity u' and a of weight, buoyancy and pressure:
+drag gives it m (1 − e^(−λΔt)) (u' − v̂), v̂ = v + a (Δt/(1 − e^(−λΔt)) − 1/λ), λ = κ/m, and takes that from the fluid,
+so that slip decays without overshoot. One that others hold acts with all of κ. Then the particles sub-step with the new
+velocity and pressure. What they gained by drag is what the fluid owes; where that differs from what its step assumed,
+the rest enters its next step, so that both sides agree to round-off in the sum (Newton's third law).
 """
 
 import numpy as np
@@ -20,7 +21,7 @@ from sim.kernel import Array, Vector
 from sim.state import Particles, mass
 from sim.suspended import Suspended, suspended_in
 
-VOID = 6  # column of the void fraction among what a particle sees of the fluid; velocity and ∇p are before it
+VOID, SQUARE = 6, 7  # columns of ε and of the mean u² among what a particle sees of the fluid; u and ∇p are before
 
 
 class Coupling:
@@ -29,7 +30,9 @@ class Coupling:
     def __init__(self, drag: Drag, gravity: Vector | None, n: int) -> None:
         self.drag, self.gravity = drag, np.array(gravity or (0.0, 0.0, 0.0))
         self.two_way = drag.coupling == "two-way"
-        self.owed = np.zeros((n, 3))  # N s, by rank in the scene: drag that the fluid has not yet received
+        self.owed = np.zeros(
+            (n if self.two_way else 0, 3)
+        )  # N s, by rank in the scene: drag that the fluid has not yet received
         self.impulse = np.zeros((2, 3))  # N s: by drag on the particles; on the fluid and on its sides
         self.work = np.zeros(2)  # J: of the fluid on the particles; turned into heat by slip
         self.clamped = 0  # void fractions below the least one, of all steps
@@ -57,9 +60,9 @@ class Coupling:
             fluid.step_(time, dt, None)
             seen = self._seen(fluid, cloud, p)
         else:
-            follows = np.where(held, 0.0, coefficient * p.inverse_mass * dt)
-            falls = (follows > 0.0)[:, None] * (self._lift(fluid, p, seen) + self.gravity)
-            target, acting = p.velocity + dt * falls, coefficient / (1.0 + follows)
+            share, lead = following(np.where(held, 0.0, coefficient * p.inverse_mass * dt))
+            falls = lead[:, None] * (self._lift(fluid, p, seen) + self.gravity)
+            target, acting = p.velocity + dt * falls, share * coefficient
             exchange = self._exchange(fluid, cloud, p, acting, target, dt)
             fluid.step_(time, dt, exchange)
             seen = self._seen(fluid, cloud, p)
@@ -67,7 +70,10 @@ class Coupling:
             self.impulse[1] += received(fluid, exchange, dt)
             self.owed[:] = 0.0
         lift = self._lift(fluid, p, seen)
-        return suspended_in(coefficient, p.inverse_mass, p.velocity, seen[:, :3].copy(), lift, particle_step, assumed)
+        return suspended_in(
+            coefficient, p.inverse_mass, p.velocity, seen[:, :3].copy(), seen[:, SQUARE].copy(), lift, particle_step,
+            assumed,
+        )  # fmt: skip
 
     def settle_(self, p: Particles, suspended: Suspended, dt: float) -> None:
         """Count what the particles received within the fluid's step of `dt` (s), and what the fluid still owes."""
@@ -80,7 +86,8 @@ class Coupling:
         if self.two_way:
             self.owed[p.id] = s.assumed - gained
         self.work[0] += float(weight @ s.given[:, 3])
-        self.work[1] += 0.5 * dt * float(s.coefficient @ (s.slip**2 + slip**2).sum(axis=1))
+        end = s.square + (p.velocity * (p.velocity - 2.0 * s.fluid_velocity)).sum(axis=1)
+        self.work[1] += 0.5 * dt * float(s.coefficient @ (s.slip_square + end))
 
     def void_fraction(self, fluid: Fluid, cloud: Cloud, position: Array, radius: Array) -> Array:
         """Share of every cell (size,) that particles at these places (n, 3) m leave to the fluid, margins filled.
@@ -115,9 +122,10 @@ class Coupling:
         self.time = 1.0 / np.sqrt(fluid_rate * rate) if fluid_rate * rate > 0.0 else np.inf
 
     def _seen(self, fluid: Fluid, cloud: Cloud, p: Particles) -> Array:
-        """Velocity, ∇p and void fraction of the fluid at the particles, (n, 7)."""
-        fields = np.concatenate([cell_velocity(fluid), cell_gradient(fluid), fluid.void_fraction[None]])
-        seen = np.empty((len(p.radius), VOID + 1))
+        """Velocity, ∇p, void fraction and square velocity of the fluid at the particles, (n, 8)."""
+        scalars = np.stack([fluid.void_fraction, cell_square(fluid)])
+        fields = np.concatenate([cell_velocity(fluid), cell_gradient(fluid), scalars])
+        seen = np.empty((len(p.radius), SQUARE + 1))
         interpolate_(cloud, p.position, fields, seen)
         return seen
 
@@ -127,10 +135,27 @@ class Coupling:
         return np.asarray((4.0 / 3.0 * np.pi * p.radius**3 * p.inverse_mass)[:, None] * force)
 
 
+def following(pace: Array) -> tuple[Array, Array]:
+    """Share of its drag with which a particle of pace λ Δt (n,) acts, (1 − e^(−λΔt))/(λΔt), and of Δt that it leads.
+
+    The lead 1/(1 − e^(−λΔt)) − 1/(λΔt) is half a step where the pace is slow; particles of no pace do not move.
+    """
+    slow = pace < 1e-4
+    x = np.where(slow, 1.0, pace)
+    share = np.where(slow, 1.0 - 0.5 * pace, -np.expm1(-x) / x)
+    return share, np.where(pace > 0.0, np.where(slow, 0.5 + pace / 12.0, (1.0 - share) / (share * x)), 0.0)
+
+
 def cell_velocity(fluid: Fluid) -> Array:
     """Velocity at the centres of the cells, the mean of two faces, (3, size), m/s."""
     pairs = zip(fluid.velocity, fluid.grid.stride, strict=True)
     return np.stack([0.5 * (u + np.roll(u, -s)) for u, s in pairs])
+
+
+def cell_square(fluid: Fluid) -> Array:
+    """Mean |u|² of a cell's faces, (size,), m²/s²: what slip is lost between faces and particle counts, too."""
+    pairs = zip(fluid.velocity, fluid.grid.stride, strict=True)
+    return np.asarray(sum(0.5 * (u**2 + np.roll(u, -s) ** 2) for u, s in pairs))
 
 
 def cell_gradient(fluid: Fluid) -> Array:

@@ -27,7 +27,7 @@ class Inflow(Table):
     """Fluid that enters at a given speed; where a region is given, the rest of the face is a wall."""
 
     kind: Literal["inflow"]
-    speed: float = quantity("m/s", "into the box, mean over the face or its region", ge=0.0)
+    speed: float = quantity("m/s", "into the box as clear fluid (between particles faster), mean over the face", ge=0.0)
     profile: Literal["uniform", "parabolic"] = Field(default="uniform", description="over the face or its region")
     start_speed: float = quantity("m/s", "at time zero, where it is ramped", default=0.0, ge=0.0)
     ramp: float = quantity("s", "from the start speed to the speed; 0: at once", default=0.0, ge=0.0)

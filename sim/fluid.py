@@ -67,14 +67,14 @@ class Fluid:
     def _start(self) -> None:
         for a in range(3):
             faces_of(self.velocity[a], a, self.grid)[:] = self.table.velocity[a]
-        self._prescribe(0.0)
+        self._prescribe(0.0, self.void_fraction)
         fill_velocity_margins(self.velocity, self.frame, self.borders, True, True)
 
-    def _prescribe(self, time: float) -> None:
+    def _prescribe(self, time: float, void: Array) -> None:
         """Set what is given of the velocity: nothing crosses walls, inflows have their speed."""
         for a in range(3):
             close_(self.velocity[a], a, self.borders, self.grid)
-        set_inflow_(self.velocity, self.table, self.grid, time)
+        set_inflow_(self.velocity, self.table, void, self.grid, time)
 
     def level_(self, field: Array) -> None:
         """Fill the margins of a field of cells."""
@@ -98,7 +98,7 @@ class Fluid:
         void = void_before if exchange is None else exchange.void_fraction
         self._fill_mobility(void, dt, exchange)
         self._fill_target(void, dt, exchange)
-        self._prescribe(time)
+        self._prescribe(time, void)
         self._hold_walls()
         scale = float(np.abs(self.velocity).max())
         scale = max(scale, float(np.abs(self.target * self.mobility).max()))

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 # by immersed bodies; by viscosity and sliding sides; by what the flow carries along, numerical loss included; by the
 # drag of particles; by the pressure gradient, that which is imposed included
 TERMS = ("bodies", "friction", "convection", "particles", "pressure")
+# A body that reaches a face gives it its own velocity at once: of its work Σ F u_w only Σ F u arrives. The rest is
+# `lost_at_bodies`, as in a plastic impact.
 
 
 class Exchange(NamedTuple):

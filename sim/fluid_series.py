@@ -17,6 +17,7 @@ def fluid_series(run: FluidSide) -> dict[str, float]:
     fluid, coupling = run.fluid, run.coupling
     series = {"fluid.kinetic": kinetic_energy(fluid), "fluid.steps": float(run.fluid_steps)}
     series |= {f"fluid.work.{name}": value for name, value in zip(TERMS, fluid.spent, strict=True)}
+    series["fluid.lost_at_bodies"] = float(fluid.given[:, 6].sum() - fluid.spent[TERMS.index("bodies")])
     series |= {"fluid.divergence": fluid.report.divergence, "fluid.imbalance": fluid.report.imbalance}
     series["fluid.least_void_fraction"] = float(cells_of(fluid.void_fraction, fluid.grid).min())
     if coupling is not None:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sim.borders import fastest_side
 from sim.coupling import Coupling, cell_velocity
-from sim.errors import LimitError
+from sim.errors import InputError, LimitError
 from sim.flow import FluidTable
 from sim.fluid import Fluid
 from sim.grid import cells_of, grid_of
@@ -16,6 +16,7 @@ from sim.immersed import Immersed
 from sim.kernel import Array
 from sim.motion import Bodies, move_bodies
 from sim.scene import Scene
+from sim.shapes import SHELL
 from sim.state import FluidFields
 from sim.surface import wall_speed
 
@@ -30,6 +31,16 @@ class FluidLimit(NamedTuple):
 
     term: str
     largest: float  # s
+
+
+def check_solid(scene: Scene, walls: Bodies) -> None:
+    """Refuse thin walls that should be immersed: no cell lies behind them (InputError)."""
+    for b in walls.body[walls.kind == SHELL]:
+        if scene.walls[b].immersed:
+            raise InputError(
+                f"walls.{b}.immersed = true: {scene.walls[b].name!r} has an open cylinder or cone, a thin wall that no "
+                "cell lies behind; close its ends, or leave out immersed"
+            )
 
 
 class FluidSide:
@@ -48,6 +59,7 @@ class FluidSide:
         grid = grid_of(self.table, scene.repeats)
         immersed = None
         if walls is not None and any(wall.immersed for wall in scene.walls):
+            check_solid(scene, walls)
             immersed = Immersed(walls, [wall.immersed for wall in scene.walls], grid)
         self.fluid = Fluid(self.table, grid, immersed)
         self.fluid_steps = 0

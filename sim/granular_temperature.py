@@ -13,11 +13,12 @@ def granular_temperature(position: Array, velocity: Array, mass: Array, cell: In
 
     Each cell of n ≥ 5 particles has a field u + G·(x − x̄) of least squares, weighted by mass, so that neither a stream
     nor shear or rotation heats; its q = 1 + rank numbers per component (4 in space) are taken off the degrees of
-    freedom. Fixed ones do not count. NaN where no cell has that many.
+    freedom. NaN where no cell has that many. Fixed particles, of no mass, do not count.
     """
     moves = mass > 0.0
-    full = np.bincount(cell, moves) >= FEWEST
-    rows = full[cell] & moves
+    position, velocity, mass, cell = position[moves], velocity[moves], mass[moves], cell[moves]
+    full = np.bincount(cell) >= FEWEST
+    rows = full[cell]
     if not rows.any():
         return float("nan")
     _, cell = np.unique(cell[rows], return_inverse=True)

@@ -1,9 +1,8 @@
-"""A run: a generator of snapshots."""
+"""A run of particles: its state between two compiled calls."""
 
-from collections.abc import Iterator
 from math import sqrt
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,9 +27,6 @@ from sim.suspended import Suspended
 from sim.timestep import snapshots_in, time_step
 from sim.verlet import Step, Terms, advance, fill_forces
 from sim.walls import BODY_TALLY
-
-if TYPE_CHECKING:
-    from sim.flowing import FlowSimulation
 
 THINNEST_SKIN, FIRST_SKIN, THICKEST_SKIN = 0.01, 0.1, 0.4  # of the largest diameter
 REBUILD_COST = 3.0  # see `Simulation.skin_for`
@@ -163,21 +159,10 @@ class Simulation:
 
     def _terms(self) -> Terms:
         return (
-            self.spring,
-            self.pairs_roll,
-            None if self.pair_laws is None else self.particles.species,
-            self.pair_law,
-            self.pair_laws,
-            self.walls,
-            self.near,
-            self.wall_spring,
-            self.walls_roll,
-            self.wall_laws,
-            self.tally,
-            self.body_tally,
-            self.impacts,
-            self.wall_impacts,
-        )
+            self.spring, self.pairs_roll, None if self.pair_laws is None else self.particles.species, self.pair_law,
+            self.pair_laws, self.walls, self.near, self.wall_spring, self.walls_roll, self.wall_laws, self.tally,
+            self.body_tally, self.impacts, self.wall_impacts,
+        )  # fmt: skip
 
     def snapshot(self) -> Snapshot:
         """Return the present moment in the scene's order of particles."""
@@ -209,13 +194,13 @@ class Simulation:
         """Return what parts of the run have taken so far, s."""
         return dict(self.seconds)
 
+    def fluid_arrays(self) -> list[Array]:
+        """Return the arrays of a fluid: in a dry run there are none."""
+        return []
+
     def steps_to_next_flow(self) -> int:
         """Return the steps that a step of the fluid spans now; in a dry run there is none."""
         return 1
-
-    def fluid_bytes(self) -> int:
-        """Return the bytes that a fluid takes."""
-        return 0
 
     @property
     def time(self) -> float:
@@ -304,33 +289,3 @@ class Simulation:
         return LimitError(
             f"particle {self.particles.id[row]} {what} at t = {self.time:.6g} s, position ({place}) m; {remedy}"
         )
-
-
-AnyRun: TypeAlias = "Simulation | FlowSimulation"
-
-
-def simulation_of(scene: Scene, start: StartState | None = None) -> AnyRun:
-    """Return the run of a scene at its first moment; the fluid's code is loaded only where there is a fluid.
-
-    Raises InputError for a scene that cannot start.
-    """
-    if scene.fluid is None:
-        return Simulation(scene, start)
-    if not scene.particles:
-        from sim.flowing import FlowSimulation
-
-        return FlowSimulation(scene)
-    from sim.coupled import CoupledSimulation
-
-    return CoupledSimulation(scene, start)
-
-
-def simulate(scene: Scene) -> Iterator[Snapshot]:
-    """Yield the snapshots of a scene, time zero first.
-
-    Raises InputError for a scene that cannot start and LimitError for a limit violated on the way.
-    """
-    run = simulation_of(scene)
-    for k in range(run.snapshots):
-        run.advance_to(k * run.steps_per_snapshot)
-        yield run.snapshot()

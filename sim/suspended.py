@@ -22,13 +22,14 @@ class Suspended(NamedTuple):
     given: Array  # (n, 4) by drag, m/s; and the fluid's work per mass, J/kg
     coefficient: Array  # (n,) kg/s, κ
     fluid_velocity: Array  # (n, 3) m/s, u
-    slip: Array  # (n, 3) m/s, u − v at the start
+    square: Array  # (n,) m²/s², mean of u² over the faces that the particle acts on
+    slip_square: Array  # (n,) m²/s², mean of |u − v|² over them at the start
     assumed: Array  # (n, 3) N s, drag's impulse as the fluid's step foresaw it
 
 
 def suspended_in(
-    coefficient: Array, inverse_mass: Array, velocity: Array, fluid_velocity: Array, lift: Array, dt: float,
-    assumed: Array,
+    coefficient: Array, inverse_mass: Array, velocity: Array, fluid_velocity: Array, square: Array, lift: Array,
+    dt: float, assumed: Array,
 ) -> Suspended:  # fmt: skip
     """Return the terms of particles of drag coefficient κ (n,), kg/s, in steps of dt (s)."""
     half, rate = 0.5 * dt, coefficient * inverse_mass
@@ -36,8 +37,9 @@ def suspended_in(
     gain = np.where(slow, half, -np.expm1(-rate * half) / np.where(slow, 1.0, rate))
     pull = rate[:, None] * fluid_velocity
     given = np.zeros((len(rate), 4))
-    slip = fluid_velocity - velocity
-    return Suspended(np.exp(-rate * half), gain, pull, lift, given, coefficient, fluid_velocity, slip, assumed)
+    slip = square + (velocity * (velocity - 2.0 * fluid_velocity)).sum(axis=1)
+    decay = np.exp(-rate * half)
+    return Suspended(decay, gain, pull, lift, given, coefficient, fluid_velocity, square, slip, assumed)
 
 
 @inlined

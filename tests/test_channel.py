@@ -1,4 +1,4 @@
-"""Flow between plates: the parabola of Poiseuille, the line of Couette, how both come about.
+"""Flow between plates: the parabola of Poiseuille, the line of Couette and how it comes about, frictionless plug flow.
 
 Viscosity is implicit, so that a few long steps reach the steady state.
 """

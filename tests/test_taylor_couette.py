@@ -55,10 +55,11 @@ def test_fluid_between_cylinders_turns_as_couette_found():
         exact = GROWTH * r - GROWTH * OUTER**2 / r
         errors.append(np.abs(around - exact).max() / (OMEGA * INNER))
         torques.append(abs(torque["rotor"] / TORQUE - 1.0))
+        speed, swirl = OMEGA * INNER, np.mean(around - exact)
         print(
-            f"\n{n} cells: velocity {errors[-1]:.4f} of the rotor's, mean {np.mean(around - exact) / (OMEGA * INNER):.4f}"
-            f", outward {np.abs(outward).max() / (OMEGA * INNER):.4f}, torque {torque['rotor'] / TORQUE - 1:+.4f},"
-            f" vessel's {-torque['vessel'] / TORQUE - 1:+.4f}"
+            f"\n{n} cells: velocity {errors[-1]:.4f} of the rotor's, mean {swirl / speed:.4f}, "
+            f"outward {np.abs(outward).max() / speed:.4f}, torque {torque['rotor'] / TORQUE - 1:+.4f}, "
+            f"vessel's {-torque['vessel'] / TORQUE - 1:+.4f}"
         )
         assert torque["vessel"] == pytest.approx(-torque["rotor"], rel=1e-3)
     orders = [np.log2(np.divide(e[:-1], e[1:])) for e in (errors, torques)]

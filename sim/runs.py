@@ -1,0 +1,41 @@
+"""From a scene to a run: a generator of snapshots."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, TypeAlias
+
+from sim.scene import Scene
+from sim.simulation import Simulation
+from sim.start import StartState
+from sim.state import Snapshot
+
+if TYPE_CHECKING:
+    from sim.flowing import FlowSimulation
+
+AnyRun: TypeAlias = "Simulation | FlowSimulation"
+
+
+def simulation_of(scene: Scene, start: StartState | None = None) -> AnyRun:
+    """Return the run of a scene at its first moment; the fluid's code is loaded only where there is a fluid.
+
+    Raises InputError for a scene that cannot start.
+    """
+    if scene.fluid is None:
+        return Simulation(scene, start)
+    if not scene.particles:
+        from sim.flowing import FlowSimulation
+
+        return FlowSimulation(scene)
+    from sim.coupled import CoupledSimulation
+
+    return CoupledSimulation(scene, start)
+
+
+def simulate(scene: Scene) -> Iterator[Snapshot]:
+    """Yield the snapshots of a scene, time zero first.
+
+    Raises InputError for a scene that cannot start and LimitError for a limit violated on the way.
+    """
+    run = simulation_of(scene)
+    for k in range(run.snapshots):
+        run.advance_to(k * run.steps_per_snapshot)
+        yield run.snapshot()
