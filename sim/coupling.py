@@ -30,9 +30,8 @@ class Coupling:
     def __init__(self, drag: Drag, gravity: Vector | None, n: int) -> None:
         self.drag, self.gravity = drag, np.array(gravity or (0.0, 0.0, 0.0))
         self.two_way = drag.coupling == "two-way"
-        self.owed = np.zeros(
-            (n if self.two_way else 0, 3)
-        )  # N s, by rank in the scene: drag that the fluid has not yet received
+        # N s, by rank in the scene: drag that the fluid has not yet received
+        self.owed = np.zeros((n if self.two_way else 0, 3))
         self.impulse = np.zeros((2, 3))  # N s: by drag on the particles; on the fluid and on its sides
         self.work = np.zeros(2)  # J: of the fluid on the particles; turned into heat by slip
         self.clamped = 0  # void fractions below the least one, of all steps
