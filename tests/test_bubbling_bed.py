@@ -1,4 +1,4 @@
-"""A bed of beads that air blows to twice its fluidising speed bubbles and expands as measured (Khawaja 2015)."""
+"""A bed of beads that air blows at 1.7 times its fluidising speed bubbles and expands as measured (Khawaja 2015)."""
 
 import tomllib
 
