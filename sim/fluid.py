@@ -140,14 +140,18 @@ class Fluid:
         return force
 
     def _fill_mobility(self, void: Array, dt: float, exchange: Exchange | None) -> None:
-        """Fill b = (1 − α) / (ρε/Δt + K) on faces, 0 where the velocity is prescribed."""
+        """Fill b on faces: 1/b = (ρε/Δt + K) / (1 − α) + ε μ times the grip of walls; 0 where u is prescribed."""
         inertia = void * (self.table.density / dt)
         if exchange is not None:
             inertia = inertia + exchange.drag
         for a in range(3):
             faces = self.on_faces(inertia, a)
-            open_share = 1.0 if self.immersed is None else 1.0 - faces_of(self.immersed.share[a], a, self.grid)
-            faces_of(self.mobility[a], a, self.grid)[:] = open_share / faces
+            if self.immersed is not None:
+                open_share = 1.0 - faces_of(self.immersed.share[a], a, self.grid)
+                grip = self.table.viscosity * self.on_faces(void, a) * faces_of(self.immersed.grip[a], a, self.grid)
+                faces_of(self.mobility[a], a, self.grid)[:] = open_share / (faces + open_share * grip)
+            else:
+                faces_of(self.mobility[a], a, self.grid)[:] = 1.0 / faces
             close_(self.mobility[a], a, self.borders, self.grid)
 
     def on_faces(self, field: Array, a: int) -> Array:
@@ -156,7 +160,7 @@ class Fluid:
         return 0.5 * (faces_of(field, a, self.grid) + faces_of(np.roll(field, s), a, self.grid))
 
     def _fill_target(self, void: Array, dt: float, exchange: Exchange | None) -> None:
-        """Fill t = α u_w / b + ρε (u/Δt + convection) − ε∇p + K v + ε f on faces, N/m³."""
+        """Fill t = (1/b − ρε/Δt − K) u_w + ρε (u/Δt + convection) − ε∇p + K v + ε f on faces, N/m³."""
         table = self.table
         for a in range(3):
             porous = self.on_faces(void, a)
@@ -166,11 +170,13 @@ class Fluid:
             carried = faces_of(self.carried[a], a, self.grid)
             target[:] = table.density * porous * speed / dt + carried
             target -= porous * (slope + table.pressure_gradient[a])
+            dragged = 0.0 if exchange is None else self.on_faces(exchange.drag, a)
             if exchange is not None:
                 target += self.on_faces(exchange.push[a], a)
             if self.immersed is not None:
                 mobility, wall = faces_of(self.mobility[a], a, self.grid), faces_of(self.immersed.wall[a], a, self.grid)
-                target += np.divide(wall, mobility, out=np.zeros_like(wall), where=mobility > 0.0)
+                held = np.divide(1.0, mobility, out=np.zeros_like(wall), where=mobility > 0.0)
+                target += np.where(mobility > 0.0, (held - porous * (table.density / dt) - dragged) * wall, 0.0)
 
     def _hold_walls(self) -> None:
         """Give faces that lie wholly in a body its velocity."""

@@ -47,7 +47,7 @@ def account_(fluid: Fluid, before: Array, dt: float, exchange: Exchange | None) 
             dragged = fluid.on_faces(exchange.push[a], a) - fluid.on_faces(exchange.drag, a) * now
         held = np.zeros_like(now)
         if fluid.immersed is not None:
-            covered = faces_of(fluid.immersed.share[a], a, grid) > 0.0
+            covered = faces_of(fluid.immersed.part[a].sum(axis=0), a, grid) > 0.0
             gained = table.density * porous * (now - then) / dt
             held = np.where(covered, gained - carried - rubbed - pressed - dragged, 0.0)
             fluid.immersed.tally_(a, held, share, fluid.given)

@@ -8,9 +8,12 @@ pressure alike, so that no fluid crosses a wall.
 import numpy as np
 
 from sim.grid import MARGIN, Grid, along, face_points, faces_of
-from sim.kernel import Array, Indices, Vector, inlined, kernel
+from sim.kernel import Array, Flags, Indices, Vector, inlined, kernel
 from sim.motion import Bodies
 from sim.surface import distance_to_wall, wall_motion
+
+FAR_AWAY, NEAR, WITHIN = range(3)  # where a cell is
+CLOSEST = 0.02  # of a spacing: walls nearer than this, or behind a node, hold it as firmly
 
 
 @inlined
@@ -23,33 +26,50 @@ def solid_share(distance: float, gx: float, gy: float, gz: float, spacing: Vecto
 
 
 @inlined
-def is_sure(cells: Array, b: int, n: int, step: int) -> bool:
-    """Whether both cells beside a face are wholly in body b, or wholly out of it; then so is the face."""
-    here, before = cells[b, n], cells[b, n - step]
-    sure: bool = here == before and here in (0.0, 1.0)
-    return sure
+def closeness(along: float, spacing: float) -> float:
+    """(h/s − 1)/h², 1/m², for a wall at a distance s (m) along an axis; 0 beyond the next node, bounded within it."""
+    part = max(along / spacing, CLOSEST)
+    return (1.0 / part - 1.0) / (spacing * spacing) if part < 1.0 else 0.0
+
+
+@inlined
+def wall_grip(distance: float, gx: float, gy: float, gz: float, spacing: Vector) -> float:
+    """Friction of a flat wall at a distance φ (m) over that of the fluid, μ ∇²u, for a unit of u, 1/m².
+
+    Along an axis the wall is at s = φ/|n|. With h/s − 1 in place of what lies beyond it, a velocity that is linear from
+    the wall on solves the equations of differences, wherever the wall is between two nodes.
+    """
+    total = 0.0
+    for slope, h in ((gx, spacing[0]), (gy, spacing[1]), (gz, spacing[2])):
+        total += closeness(distance / max(abs(slope), 1e-12), h)
+    return total
 
 
 @kernel
-def body_share(walls: Bodies, b: int, x: float, y: float, z: float, spacing: Vector) -> float:
-    """Share of a control volume about a point (m) that lies in body b; shapes of a body may overlap."""
-    most = 0.0
+def meet_body(
+    walls: Bodies, b: int, x: float, y: float, z: float, spacing: Vector
+) -> tuple[float, float, float]:  # fmt: skip
+    """Share of a control volume about a point (m) in body b, its grip there, and its distance; shapes may overlap."""
+    share, grip, nearest = 0.0, 0.0, np.inf
     for s in range(walls.kind.shape[0]):
         if walls.body[s] == b:
             d, gx, gy, gz = distance_to_wall(walls, s, x, y, z)
-            most = max(most, solid_share(d, gx, gy, gz, spacing))
-    return most
+            share = max(share, solid_share(d, gx, gy, gz, spacing))
+            grip = max(grip, wall_grip(d, gx, gy, gz, spacing))
+            nearest = min(nearest, d)
+    return share, grip, nearest
 
 
 @kernel
-def fill_body_share(
-    a: int, b: int, walls: Bodies, lowest: Vector, spacing: Vector, stride: Indices, cells: Indices, of_cells: Array,
-    by_body: Array, moving: Array,
+def fill_body(
+    a: int, b: int, walls: Bodies, lowest: Vector, spacing: Vector, stride: Indices, cells: Indices, place: Flags,
+    by_body: Array, grip: Array, moving: Array,
 ) -> None:  # fmt: skip
-    """Fill the share (bodies, size) of body b of the faces of component a, or of the cells (a = 3), and its u_w, m/s.
+    """Fill share and grip (bodies, size) of body b at the faces of component a, or in the cells (a = 3), and its u_w.
 
-    That of the cells, `of_cells` (bodies, size), tells which faces need no look.
+    `place` (bodies, size) is filled with where the cells are; it tells which faces need no look.
     """
+    reach = 1.5 * max(spacing)
     for k in range(cells[2] + (a == 2)):
         z = lowest[2] + (k if a == 2 else k + 0.5) * spacing[2]
         for j in range(cells[1] + (a == 1)):
@@ -58,11 +78,13 @@ def fill_body_share(
                 x = lowest[0] + (i if a == 0 else i + 0.5) * spacing[0]
                 n = (k + MARGIN) * stride[2] + (j + MARGIN) * stride[1] + (i + MARGIN)
                 inside = (i, j, k)
-                if a < 3 and 0 < inside[a] < cells[a] and is_sure(of_cells, b, n, stride[a]):
-                    by_body[b, n] = of_cells[b, n]
+                if a < 3 and 0 < inside[a] < cells[a] and place[b, n] == place[b, n - stride[a]] != NEAR:
+                    by_body[b, n], grip[b, n] = 1.0 if place[b, n] == WITHIN else 0.0, 0.0
                 else:
-                    by_body[b, n] = body_share(walls, b, x, y, z, spacing)
-                if a < 3 and by_body[b, n] > 0.0:
+                    by_body[b, n], grip[b, n], distance = meet_body(walls, b, x, y, z, spacing)
+                    if a == 3:
+                        place[b, n] = WITHIN if by_body[b, n] == 1.0 else NEAR if distance < reach else FAR_AWAY
+                if a < 3 and (by_body[b, n] > 0.0 or grip[b, n] > 0.0):
                     moving[b, n] = wall_motion(walls, b, (x, y, z))[1][a]
 
 
@@ -74,9 +96,13 @@ class Immersed:
         self.immersed = np.array(immersed, np.uint8)
         self.moves = bool(np.any((walls.motion > 0) & (self.immersed > 0)))
         self.share = np.zeros((4, grid.size))  # α of the faces of each component, and of the cells
-        self.wall = np.zeros((4, grid.size))  # α u_w, m/s
+        self.grip = np.zeros((4, grid.size))  # 1/m², friction of walls near by over that of the fluid
+        self.wall = np.zeros((4, grid.size))  # u_w, m/s
         self.by_body = np.zeros((4, len(immersed), grid.size))
+        self.grip_by_body = np.zeros((4, len(immersed), grid.size))
+        self.part = np.zeros((3, len(immersed), grid.size))  # of each body in what holds a face
         self.speed = np.zeros((4, len(immersed), grid.size))  # u_w of each body, m/s, where it covers anything
+        self.place = np.zeros((len(immersed), grid.size), np.uint8)
         self._fill(np.flatnonzero(self.immersed))
 
     def update_(self) -> None:
@@ -87,14 +113,17 @@ class Immersed:
         grid, stride, cells = self.grid, np.array(self.grid.stride), np.array(self.grid.cells)
         for a in (3, 0, 1, 2):
             for b in bodies:
-                fill_body_share(
-                    a, int(b), self.walls, grid.lowest, grid.spacing, stride, cells, self.by_body[3], self.by_body[a],
-                    self.speed[a],
+                fill_body(
+                    a, int(b), self.walls, grid.lowest, grid.spacing, stride, cells, self.place, self.by_body[a],
+                    self.grip_by_body[a], self.speed[a],
                 )  # fmt: skip
-            part = self.by_body[a]
-            total = part.sum(axis=0)
-            self.share[a] = np.minimum(total, 1.0)
-            self.wall[a] = (part * self.speed[a]).sum(axis=0) / np.maximum(total, 1.0)  # bodies may overlap as well
+            part, grip = self.by_body[a], self.grip_by_body[a]
+            self.share[a], self.grip[a] = np.minimum(part.sum(axis=0), 1.0), grip.sum(axis=0)
+            if a < 3:
+                weight = part + grip / (grip + 1.0 / min(grid.spacing) ** 2)  # bodies may overlap, or be close
+                total = weight.sum(axis=0)
+                np.divide(weight, total, out=self.part[a], where=total > 0.0)
+                self.wall[a] = (self.part[a] * self.speed[a]).sum(axis=0)
 
     def tally_(self, axis: int, force: Array, share: float, given: Array) -> None:
         """Add to `given` (bodies, 7) what each body's part of a force (N/m³) on the faces of a component amounts to.
@@ -103,11 +132,9 @@ class Immersed:
         and work at its own velocity.
         """
         points = face_points(axis, self.grid)
-        total = faces_of(self.by_body[axis].sum(axis=0), axis, self.grid)
         once = along(axis, slice(None, -1) if self.grid.periodic[axis] else slice(None))
         for b in np.flatnonzero(self.immersed):
-            part = faces_of(self.by_body[axis, b], axis, self.grid)
-            push = share * force * np.divide(part, total, out=np.zeros_like(part), where=total > 0.0)
+            push = share * force * faces_of(self.part[axis, b], axis, self.grid)
             arm = [points[k] - self.walls.centre[b, k] - self.walls.shift[b, k] for k in range(3)]
             turn, velocity = self.walls.turn[b], self.walls.velocity[b]
             n, m = (axis + 1) % 3, (axis + 2) % 3

@@ -11,7 +11,7 @@ import pytest
 
 from sim import Scene, simulate
 
-DENSITY, VISCOSITY, INNER, OUTER, OMEGA = 1000.0, 0.1, 0.005, 0.010, 2.0 * pi
+DENSITY, VISCOSITY, INNER, OUTER, OMEGA = 50.0, 0.1, 0.005, 0.010, 2.0 * pi
 GROWTH = -OMEGA * INNER**2 / (OUTER**2 - INNER**2)
 TORQUE = 4.0 * pi * VISCOSITY * OMEGA * INNER**2 * OUTER**2 / (OUTER**2 - INNER**2)
 
@@ -31,7 +31,7 @@ def between_cylinders(n, **fluid):
             "density": DENSITY, "viscosity": VISCOSITY, "lowest": [-half, -half, 0.0], "highest": [half, half, h],
             "cells": [n + 4, n + 4, 1], "faces": {"-z": slip, "+z": slip}, **fluid,
         },
-        "time": {"duration": 0.18}, "output": {"interval": 0.09, "precision": "double"},
+        "time": {"duration": 0.02}, "output": {"interval": 0.01, "precision": "double"},
         "walls": [
             cylinder(OUTER, "inside", name="vessel"), cylinder(INNER, "outside", name="rotor", motion=turning),
         ],
@@ -49,20 +49,28 @@ def between_cylinders(n, **fluid):
 
 @pytest.mark.physics
 def test_fluid_between_cylinders_turns_as_couette_found():
+    """Velocity at first order at least, 1 % at 64 cells across (gate 3 %), torque to 1 %."""
     errors, torques = [], []
     for n in (16, 32, 64):
         r, around, outward, torque, _ = between_cylinders(n)
-        exact = GROWTH * r - GROWTH * OUTER**2 / r
-        errors.append(np.abs(around - exact).max() / (OMEGA * INNER))
+        wrong = (around - GROWTH * r + GROWTH * OUTER**2 / r) / (OMEGA * INNER)
+        errors.append(np.abs(wrong).max())
         torques.append(abs(torque["rotor"] / TORQUE - 1.0))
-        speed, swirl = OMEGA * INNER, np.mean(around - exact)
         print(
-            f"\n{n} cells: velocity {errors[-1]:.4f} of the rotor's, mean {swirl / speed:.4f}, "
-            f"outward {np.abs(outward).max() / speed:.4f}, torque {torque['rotor'] / TORQUE - 1:+.4f}, "
+            f"\n{n} cells: velocity {errors[-1]:.4f} of the rotor's, mean {np.mean(wrong):+.4f}, "
+            f"outward {np.abs(outward).max() / (OMEGA * INNER):.4f}, torque {torque['rotor'] / TORQUE - 1:+.4f}, "
             f"vessel's {-torque['vessel'] / TORQUE - 1:+.4f}"
         )
-        assert torque["vessel"] == pytest.approx(-torque["rotor"], rel=1e-3)
-    orders = [np.log2(np.divide(e[:-1], e[1:])) for e in (errors, torques)]
-    print(f"order of velocity {orders[0]}, of torque {orders[1]}")
-    assert max(errors[-1], torques[-1]) < 0.03
-    assert min(np.log2(e[0] / e[-1]) / 2 for e in (errors, torques)) >= 1.0
+        assert torque["vessel"] == pytest.approx(-torque["rotor"], rel=5e-3)
+    order = np.log2(np.divide(errors[:-1], errors[1:]))
+    print(f"order of velocity {order}")
+    assert order.min() >= 1.0
+    assert max(errors[-1], torques[-1]) < 0.01
+
+
+@pytest.mark.physics
+def test_torque_does_not_depend_on_the_time_step():
+    """Walls hold the fluid by friction that is known from where they are, not by how often they are applied."""
+    torque = [between_cylinders(32, largest_step=step)[3]["rotor"] / TORQUE for step in (2e-3, 1e-4)]
+    print(f"\ntorque at steps of 2 and 0.1 ms: {torque}")
+    assert torque == pytest.approx([1.0, 1.0], abs=0.03)
