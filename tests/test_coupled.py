@@ -159,9 +159,9 @@ def test_a_thin_wall_in_the_fluid_is_refused():
 
 
 def test_a_deck_of_lammps_refuses_the_fluid_by_name(tmp_path, suffice):
-    answer = suffice("simulate", "mini_mill", "-o", tmp_path / "run.h5", "--engine", "lammps")
+    answer = suffice("simulate", "settling_sphere", "-o", tmp_path / "run.h5", "--engine", "lammps")
     assert answer.code == 2
-    assert "fluid" in answer.err
+    assert "fluid = a table" in answer.err
     assert "a LAMMPS deck cannot say it" in answer.err
     assert not list(tmp_path.iterdir())
 

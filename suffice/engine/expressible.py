@@ -69,7 +69,7 @@ def _beyond(table: BaseModel, path: str) -> Iterator[tuple[str, str]]:
         value = getattr(table, name)
         if name not in known:
             if value != field.get_default(call_default_factory=True):
-                yield f"{path}{name}", repr(value)
+                yield f"{path}{name}", "a table" if isinstance(value, BaseModel) else repr(value)
             continue
         tables = enumerate(value) if isinstance(value, list) else [(None, value)]
         for k, inner in tables:
