@@ -179,12 +179,6 @@ def settled(position: np.ndarray, stiffness: float) -> np.ndarray:
     return np.load(path)
 
 
-def why_absent() -> str:
-    if not shutil.which("DPMFoam"):
-        return "no DPMFoam on the path"
-    return "" if OPTIONS.tutorial.exists() else f"no tutorial at {OPTIONS.tutorial}"
-
-
 def run_foam(position: np.ndarray) -> Path:
     """Run the tutorial from these positions (ours) in a new folder."""
     folder = OPTIONS.state / f"dpmfoam_{OPTIONS.settle:g}s"
@@ -250,6 +244,8 @@ def shown(runs: list[Run], peer: Run | None) -> None:
 
 
 def main() -> None:
+    if not OPTIONS.tutorial.exists():
+        raise SystemExit(f"no tutorial at {OPTIONS.tutorial}; apt-get install openfoam-examples, or --tutorial")
     pair, _ = materials()
     wanted = pair.contact_time(OPTIONS.impact_speed)
     stiff = pair.mass * (pi**2 + np.log(pair.restitution) ** 2) / wanted**2
@@ -273,8 +269,8 @@ def main() -> None:
             runs.append(ours(f"{name}, {threads} thread{'s' * (threads > 1)}", scene))
             print(f"{runs[-1].name}: {runs[-1].cost:.2f} s", flush=True)
     folder, peer = OPTIONS.foam, None
-    if folder is None and why_absent():
-        print(f"DPMFoam is skipped: {why_absent()}; apt-get install openfoam openfoam-examples, or --foam")
+    if folder is None and not shutil.which("DPMFoam"):
+        print("DPMFoam is skipped: it is not on the path; apt-get install openfoam, or --foam")
     else:
         peer = foam(folder or run_foam(position), position)
     shown(runs, peer)
