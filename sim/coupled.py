@@ -95,4 +95,7 @@ class CoupledSimulation(FluidSide, Simulation):
 
     def series(self) -> dict[str, float]:
         """Return the diagnostics of particles and of fluid at this moment."""
-        return super().series() | fluid_series(self)
+        series = super().series()
+        if self.coupling is not None:  # what the fluid gave stands beside what the walls gave
+            series["energy.balance"] -= float(self.coupling.work[0])
+        return series | fluid_series(self)

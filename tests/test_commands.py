@@ -79,12 +79,14 @@ def test_help_of_every_command_names_its_options(suffice):
 
 def test_built_in_scenes_are_listed_and_printed_to_be_copied(suffice):
     listed = suffice("scenes")
-    assert [line.split()[0] for line in listed.out.splitlines()] == ["drum", "hopper", "mini_mill", "shaken_box"]
+    names = [line.split()[0] for line in listed.out.splitlines()]
+    assert names == sorted(names)
+    assert {"mini_mill", "bead_mill_1", "drum", "fluidised_bed", "cavity"} <= set(names)
     printed = suffice("scenes", "mini_mill")
-    assert printed.out.startswith("# A small dry bead mill")
+    assert printed.out.startswith("# A small wet bead mill")
     refused(
         suffice("scenes", "maxi_mill"),
-        "scene 'maxi_mill' is not built in; there are drum, hopper, mini_mill, shaken_box",
+        f"scene 'maxi_mill' is not built in; there are {', '.join(names)}",
     )
 
 

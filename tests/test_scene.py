@@ -56,7 +56,8 @@ def refused(text):
         ("particles.0.diameter", -1e-3, "particles.0.diameter = -0.001 m: Input should be greater than 0"),
         ("particles.0.density", 0.0, "particles.0.density = 0.0 kg/m³: Input should be greater than 0"),
         ("contact.stifness", 1e3, "contact.stifness = 1000.0: unknown key; `suffice scenes mini_mill` shows"),
-        ("drag", {"law": "ergun"}, "drag: unknown key"),
+        ("magnet", {"law": "coulomb"}, "magnet: unknown key"),
+        ("drag", {"law": "ergun"}, "drag.law = 'ergun': Input should be 'ergun-wen-yu', 'blended' or 'di-felice'"),
         ("contact.restitution", 0.0, "contact.restitution = 0.0: Input should be greater than or equal to 0.001"),
         ("contact.restitution", NAN, "contact.restitution = nan: Input should be a finite number"),
         ("contact.stiffness", INF, "contact.stiffness = inf N/m: Input should be a finite number"),
@@ -75,7 +76,7 @@ def refused(text):
         ("walls.0.shapes.0", CYLINDER | {"length": -1.0}, "walls.0.shapes.0.length = -1.0 m: Input should be greater"),
         ("walls.0.motion", {"kind": "spin"}, "walls.0.motion: Input tag 'spin' .* 'rotation', 'oscillation'"),
         ("seed", -1, "seed = -1: Input should be greater than or equal to 0"),
-        ("particles", [], "particles: List should have at least 1 item"),
+        ("particles", [], "particles: there are none, and no fluid either"),
     ],
 )
 def test_a_value_out_of_range_is_named_with_its_field_unit_and_limit(where, value, says):
@@ -150,9 +151,9 @@ def test_bad_toml_is_refused_with_the_place_of_the_mistake(text):
 
 
 def test_a_scene_lists_every_fault_at_once_but_not_without_end():
-    assert refused("").count("Field required") == 4
+    assert refused("").count("Field required") == 2
     message = refused("\n".join(f"key_{k} = 1" for k in range(9)))
-    assert message.endswith("(and 8 more)")
+    assert message.endswith("(and 6 more)")
 
 
 def test_the_same_scene_is_built_from_toml_and_in_python():
@@ -166,7 +167,7 @@ def test_a_scene_cannot_be_changed_once_it_is_built():
     with pytest.raises(ValidationError, match="frozen"):
         scene.seed = 2
     with pytest.raises(ValidationError, match="Extra inputs are not permitted"):
-        Scene.model_validate(GOOD | {"fluid": {}})
+        Scene.model_validate(GOOD | {"magnet": {}})
 
 
 def test_one_velocity_serves_all_particles_or_each_has_its_own():
@@ -189,7 +190,5 @@ def test_every_built_in_scene_says_what_it_is_and_is_valid():
 def test_a_scene_that_is_neither_built_in_nor_a_text_is_refused(tmp_path):
     (tmp_path / "noise.toml").write_bytes(b"\xff\xfe\xfa")
     for place in ("no_such_scene", str(tmp_path), str(tmp_path / "noise.toml")):
-        with pytest.raises(
-            InputError, match=r"no such file or not a text .* built-in scenes: drum, hopper, mini_mill, shaken_box"
-        ):
+        with pytest.raises(InputError, match=r"no such file or not a text .* built-in scenes: .*drum, .*mini_mill, "):
             scene_text(place)
