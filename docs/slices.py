@@ -43,9 +43,8 @@ def slice_figure(run: Run, time: float, across: int, at: float) -> Figure:
     shown = left.imshow(speed, origin="lower", extent=box, cmap="viridis", interpolation="bilinear")
     _label(left, figure, shown, "speed of the fluid (m/s)", "xyz"[right], "xyz"[up])
     along = [MM * (low[a] + (np.arange(cells[a]) + 0.5) * h[a]) for a in (right, up)]
-    left.streamplot(
-        *along, velocity[..., right], velocity[..., up], color="white", linewidth=0.6, density=1.1, arrowsize=0.7
-    )
+    u, v = (np.ma.masked_array(velocity[..., a], speed < 0.05 * speed.max()) for a in (right, up))
+    left.streamplot(*along, u, v, color="white", linewidth=0.6, density=1.1, arrowsize=0.7)
     shown = other.imshow(void, origin="lower", extent=box, cmap="Blues_r", vmin=0.3, vmax=1.0)
     _label(other, figure, shown, "void fraction", "xyz"[right], "xyz"[up])
     if "position" in now.values:
