@@ -38,7 +38,7 @@ def slice_figure(run: Run, time: float, across: int, at: float) -> Figure:
     void = now.values["fluid.void_fraction"].take(k, axis=2 - across)
     box = [MM * edge for a in (right, up) for edge in (low[a], low[a] + cells[a] * h[a])]
     tall = (box[3] - box[2]) / (box[1] - box[0])
-    figure, (left, other) = plt.subplots(1, 2, figsize=(10.5, 0.6 + 4.2 * min(tall, 2.2)), layout="constrained")
+    figure, (left, other) = plt.subplots(1, 2, figsize=(10.5, 0.6 + 4.2 * min(tall, 1.3)), layout="constrained")
     speed = np.linalg.norm(velocity, axis=-1)
     shown = left.imshow(speed, origin="lower", extent=box, cmap="viridis", interpolation="bilinear")
     _label(left, figure, shown, "speed of the fluid (m/s)", "xyz"[right], "xyz"[up])
