@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from sim import Scene
+from sim.coupled import CoupledSimulation
+from sim.coupling import Coupling
 
 FLOOR = {"name": "floor", "shapes": [{"shape": "plane", "normal": [0, 0, 1]}]}
 
@@ -56,6 +58,17 @@ class Answer(NamedTuple):
     err: str
 
 
+def pytest_xdist_setupnodes() -> None:
+    """Give each of several workers one thread: two that wait at a barrier beside others lose more than they gain."""
+    os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+
+
+def pytest_configure() -> None:
+    """Compute on one thread where this process is one of several workers; tests may still ask for two."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        numba.set_num_threads(1)
+
+
 @pytest.fixture(scope="session")
 def reference() -> Path:
     """Return the folder of the foreign run, which lies beside the checkout; CI may not go without it."""
@@ -77,6 +90,29 @@ def engine() -> None:
         if "CI" in os.environ:
             raise
         pytest.skip(str(absent))
+
+
+@pytest.fixture(autouse=True)
+def third_law(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Hold every coupled run of every test to Newton's third law, whenever it has come to where it was sent.
+
+    Drag on the beads, drag on the fluid and its sides, and what is still owed, cancel within 1e-12 of all exchanged.
+    """
+    runs: dict[Coupling, tuple[float, float]] = {}  # N s left over and N s exchanged, the most of each run
+    advance = CoupledSimulation.advance_to
+
+    def weighed(run: CoupledSimulation, step: int) -> None:
+        advance(run, step)
+        c = run.coupling
+        if c is not None and c.two_way:
+            rest, exchanged = runs.get(c, (0.0, 0.0))
+            left = float(np.abs(c.impulse.sum(axis=0) + c.owed.sum(axis=0)).max())
+            runs[c] = max(rest, left), max(exchanged, float(np.abs(c.impulse).max()))
+
+    monkeypatch.setattr(CoupledSimulation, "advance_to", weighed)
+    yield
+    for rest, exchanged in runs.values():
+        assert rest <= 1e-12 * exchanged, f"{rest:.2e} N s of {exchanged:.2e} exchanged by drag are lost"
 
 
 @pytest.fixture

@@ -11,6 +11,7 @@ from sim import InputError, LimitError, Scene, parse_scene, scene_text, simulati
 from sim.checkpoint import restore_, state_of
 from sim.coupled import CoupledSimulation
 from sim.flowing import FlowSimulation
+from sim.kernel import most_threads
 from suffice.store import Run
 
 BOX = {"name": "box", "shapes": [{"shape": "box", "lowest": [0, 0, 0], "highest": [8e-3] * 3, "particles": "inside"}]}
@@ -93,15 +94,15 @@ def test_a_restored_run_is_bitwise_the_run_itself():
 
 def test_two_threads_give_bitwise_what_one_gives():
     scene = parse_scene(scene_text("mini_mill"))
-    states, most = [], numba.get_num_threads()
+    states, before = [], numba.get_num_threads()
     try:
-        for threads in (1, min(2, most)):
+        for threads in (1, min(2, most_threads())):
             numba.set_num_threads(threads)
             run = simulation_of(scene)
             run.advance_to(500)
             states.append(state_of(run))
     finally:
-        numba.set_num_threads(most)
+        numba.set_num_threads(before)
     assert_same(*states)
 
 
@@ -207,6 +208,28 @@ def balance(run, snapshots):
     energies = ("kinetic", "rotational", "potential", "elastic")
     kept = {name: last[f"energy.{name}"] - first[f"energy.{name}"] for name in energies}
     return shaft, heat, kept | {"kinetic, of the fluid": last["fluid.kinetic"] - first["fluid.kinetic"]}
+
+
+@pytest.mark.physics
+def test_a_small_wet_mill_runs_for_a_second_and_loses_no_bead():
+    """Twenty turns of the paddle; `suffice simulate mini_mill --until 1` does the same with 2000 beads."""
+    run = simulation_of(stirred(duration=1.0, output={"interval": 0.05, "precision": "double"}))
+    assert run.snapshots == 21
+    fastest, shaft = [], []
+    for k in range(run.snapshots):
+        run.advance_to(k * run.steps_per_snapshot)
+        now = run.snapshot()
+        assert len(now.position) == 150
+        assert now.position.min() > 0.9 * 5e-4
+        assert now.position.max() < 8e-3 - 0.9 * 5e-4
+        fastest.append(np.linalg.norm(now.velocity, axis=1).max())
+        shaft.append(now.series["energy.wall_work"])
+    tip = 2 * np.pi * 20.0 * 2.5e-3  # m/s
+    print(f"\n  {run.step} steps of the beads, {run.fluid_steps} of the fluid; fastest bead {max(fastest):.2f} m/s, "
+          f"tip {tip:.2f} m/s; work of the shaft on the beads {1e3 * shaft[-1]:.2f} mJ")  # fmt: skip
+    assert 0.1 * tip < np.median(fastest) < 3.0 * tip  # they are stirred all the time, and none takes off
+    assert shaft[-1] > shaft[10] > 0.0
+    assert run.coupling.clamped == 0
 
 
 @pytest.mark.physics
