@@ -5,17 +5,19 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from torch import Tensor
 
+from pod.dense import dense_pairs
 from pod.errors import InputError
-from pod.gram import centred
-from pod.lanczos import RitzPairs, Wanted, lanczos
-from pod.orthonormal import fix_signs_, orthonormalise_
+from pod.gram import Array, centred_pairs
+from pod.lanczos import EPSILON, RitzPairs, Wanted, lanczos
+from pod.orthonormal import Modes, modes_of
+from pod.routes import BLOCK, Choice, Problem, choose_route
 from pod.snapshots import RowSource, SnapshotMatrix, as_matrix
+from pod.truncation import Truncation, checked, wanted_by
 
-Array = NDArray[np.float64]
-GRAM_BYTES = 2 * 2**30  # above it the Gram matrix costs more memory than a block of rows; then rows are read every step
+GRAM_BLOCK = 8  # vectors that Lanczos multiplies the Gram matrix by at once
 
 
 class Basis(NamedTuple):
@@ -32,14 +34,21 @@ class Basis(NamedTuple):
     ratio: Array  # (p,) Lanczos ratio I = Σ_{i≤p} λ_i / trace(A), paper eq. (28)
     n_lr: int | None  # least reconstructable mode; None if it lies beyond the modes kept
     n_lr_paper: int | None  # the same with the paper's denominator, the Ritz values of the steps taken
-    steps: int  # Lanczos steps
-    route: str  # "gram": on inner products formed once; "product": reading all rows every step
+    steps: int  # vectors of the Krylov space; 0 for a dense decomposition
+    route: str  # "gram": on inner products formed once; "block": reading all rows every step; "svd": dense
+    route_reason: str  # why this route
     reason: str  # why it stopped, and whether the rank was capped
+    orthogonality: float  # largest entry of φᵀφ - 1, measured
+    tridiagonal: Array  # (k, k) T_k of the Lanczos process, by blocks; (0, 0) for a dense decomposition
+    weights: Array | None  # (rows,) of the inner product, None for ones
 
     def project(self, W: SnapshotMatrix | RowSource) -> Array:
-        """Coefficients c = (W - W̄)ᵀ φ of snapshots, (snapshots, modes). W: (rows, snapshots) in the rows' order."""
+        """Coefficients c = (W - W̄)ᵀ φ of snapshots, (snapshots, modes). W: (rows, snapshots) in the rows' order.
+
+        A matrix that processes share gives every process the coefficients, from modes of its own rows.
+        """
         matrix = as_matrix(W)
-        if matrix.shape[0] != len(self.mean):
+        if matrix.own.stop - matrix.own.start != len(self.mean):
             raise InputError(
                 f"W: {matrix.shape[0]} rows, the basis has {len(self.mean)}; give the same particles in the same order"
             )
@@ -47,9 +56,10 @@ class Basis(NamedTuple):
         start = 0
         for block in matrix.row_blocks():
             rows = slice(start, start + len(block))
-            coefficients += (block - self.mean[rows, None]).T @ self.modes[rows]
+            modes = self.modes[rows] if self.weights is None else self.weights[rows, None] * self.modes[rows]
+            coefficients += (block - self.mean[rows, None]).T @ modes
             start += len(block)
-        return coefficients
+        return matrix.summed(coefficients)
 
     def reconstruct(self, coefficients: ArrayLike) -> Array:
         """Snapshots W̄ + φ cᵀ, (rows, snapshots), from c (snapshots, n), n at most the number of modes."""
@@ -59,6 +69,42 @@ class Basis(NamedTuple):
         return np.asarray(self.mean[:, None] + self.modes[:, : c.shape[1]] @ c.T)
 
 
+def lanczos_pod(
+    W: SnapshotMatrix | RowSource,
+    *,
+    energy: float | None = None,
+    modes: int | None = None,
+    tolerance: float | None = None,
+    error: float | None = None,
+    reconstructable: float = 0.999,
+    route: str | None = None,
+    gram: Array | None = None,
+    device: str | None = None,
+) -> Basis:
+    """Modes of the snapshots by Lanczos, up to an energy, a number, or an error (paper 2.2).
+
+    Give at most one of: energy, the share of the total that the modes must hold (default 0.999); modes, their number;
+    tolerance, the largest RMSE over rows that any of these snapshots may keep; error, the RMSE over rows and snapshots
+    that may be left (both in the unit of W). reconstructable: the energy that defines n_lr. route: "gram", "block" or
+    "svd", default the cheapest. gram: inner products of these snapshots that are known already (`pod.grown_gram`).
+    W: (rows, snapshots), any row source; streamed.
+    Raises InputError for fewer than two snapshots, snapshots in which nothing moves, NaN, or a bad setting.
+    """
+    matrix = as_matrix(W, device)
+    criterion = checked(Truncation(energy, modes, tolerance, error))
+    if matrix.shape[1] < 2:
+        raise InputError(f"snapshots: {matrix.shape[1]}; a decomposition needs at least 2")
+    problem = Problem(*matrix.shape, modes, matrix.in_memory, matrix.ranks.size)
+    choice = choose_route(problem, "gram" if route is None and gram is not None else route)
+    operator = _operator(matrix, choice.route, gram)
+    total = float(operator.energies.sum())
+    if not total > 0.0:
+        raise InputError("snapshots: nothing moves, all are the same; choose another variable or a longer run")
+    wanted = wanted_by(criterion, operator.energies, matrix.total_weight)
+    pairs = _pairs(matrix, choice.route, operator, wanted)
+    return _basis(matrix, pairs, total, reconstructable, choice)
+
+
 class _Operator(NamedTuple):
     """W̃ᵀW̃ / N_t: the same nonzero eigenvalues as A, at the size of the snapshots."""
 
@@ -66,120 +112,75 @@ class _Operator(NamedTuple):
     energies: Tensor  # (N_t,) its diagonal, the energy of each snapshot over N_t
 
 
-def lanczos_pod(
-    W: SnapshotMatrix | RowSource,
-    *,
-    energy: float | None = None,
-    modes: int | None = None,
-    tolerance: float | None = None,
-    reconstructable: float = 0.999,
-    route: str | None = None,
-    device: str | None = None,
-) -> Basis:
-    """Modes of the snapshots by Lanczos, up to an energy, a number, or an error (paper 2.2).
-
-    Give at most one of: energy, the share of the total that the modes must hold (default 0.999); modes, their number;
-    tolerance, the largest RMSE over rows that any of these snapshots may keep (unit of W). reconstructable: the energy
-    that defines n_lr. route: "gram" or "product", default the cheaper one.
-    W: (rows, snapshots), any row source; streamed.
-    Raises InputError for fewer than two snapshots, snapshots in which nothing moves, NaN, or a bad setting.
-    """
-    matrix = as_matrix(W, device)
-    _check(matrix.shape, energy, modes, tolerance)
-    chosen = route or ("gram" if 8 * matrix.shape[1] ** 2 <= GRAM_BYTES else "product")
-    operator = _operator(matrix, chosen)
-    total = float(operator.energies.sum())
-    if total <= 0:
-        raise InputError("snapshots: nothing moves, all are the same; choose another variable or a longer run")
-    if modes is None and tolerance is None:
-        energy = energy if energy is not None else 0.999
-    wanted = _wanted(operator.energies, matrix.shape, energy, modes, tolerance)
-    pairs = lanczos(operator.product, matrix.shape[1], wanted, trace=total, device=matrix.device)
-    return _basis(matrix, pairs, total, reconstructable, chosen)
-
-
-def _check(shape: tuple[int, int], energy: float | None, modes: int | None, tolerance: float | None) -> None:
-    """Refuse what no decomposition can serve."""
-    if shape[1] < 2:
-        raise InputError(f"snapshots: {shape[1]}; a decomposition needs at least 2")
-    if sum(x is not None for x in (energy, modes, tolerance)) > 1:
-        raise InputError("energy, modes, tolerance: more than one is given; give one")
-    if energy is not None and not 0 < energy <= 1:
-        raise InputError(f"energy: {energy}; give a share above 0 and at most 1, for example 0.999")
-    if modes is not None and modes < 1:
-        raise InputError(f"modes: {modes}; give at least 1")
-    if tolerance is not None and not tolerance > 0:
-        raise InputError(f"tolerance: {tolerance}; give a positive RMSE in the unit of the snapshots")
-
-
-def _operator(matrix: SnapshotMatrix, route: str) -> _Operator:
+def _operator(matrix: SnapshotMatrix, route: str, gram: Array | None) -> _Operator:
     """Centred Gram operator in the form that the route asks for."""
     n = matrix.shape[1]
     if route == "gram":
-        K = centred(torch.from_numpy(matrix.gram()).to(matrix.device)) / n
-        return _Operator(lambda v: K @ v, torch.diagonal(K).clamp(min=0.0))
-    if route == "product":
-        energies = torch.from_numpy(matrix.centred_square_norms() / n).to(matrix.device)
-        return _Operator(lambda v: matrix.centred_product(v) / n, energies)
-    raise InputError(f"route: {route!r}; give 'gram', 'product', or None for the cheaper one")
+        known = matrix.gram() if gram is None else _fitting(gram, n)
+        K = torch.from_numpy(centred_pairs(known)).to(matrix.device) / n
+        return _Operator(lambda V: K @ V, torch.diagonal(K).clamp(min=0.0))
+    energies = torch.from_numpy(matrix.centred_square_norms() / n).to(matrix.device)
+    return _Operator(lambda V: matrix.centred_product(V) / n, energies)
 
 
-def _wanted(
-    energies: Tensor, shape: tuple[int, int], energy: float | None, modes: int | None, tolerance: float | None
-) -> Wanted:
-    """How many pairs are enough, by whichever criterion was given."""
-
-    def by_number(ritz: Tensor, _: Callable[[], Tensor]) -> int | None:
-        return modes if modes is not None and modes <= len(ritz) else None
-
-    def by_energy(ritz: Tensor, _: Callable[[], Tensor]) -> int | None:
-        return _first(torch.cumsum(ritz, 0) >= (energy or 0.0) * energies.sum())
-
-    def by_error(ritz: Tensor, vectors: Callable[[], Tensor]) -> int | None:
-        # what p modes leave of snapshot t: N_t (K_tt - Σ_{i≤p} θ_i v_ti²), squared norm
-        left = energies - torch.cumsum(ritz[:, None] * vectors().T ** 2, 0)
-        return _first(shape[1] * left.amax(dim=1) <= shape[0] * (tolerance or 0.0) ** 2)
-
-    if modes is not None:
-        return by_number
-    return by_error if tolerance is not None else by_energy
+def _fitting(gram: Array, n: int) -> Array:
+    if gram.shape != (n, n):
+        raise InputError(f"gram: shape {gram.shape}; give the inner products of these {n} snapshots, ({n}, {n})")
+    return gram
 
 
-def _first(true: Tensor) -> int | None:
-    """How many until the first that is true, counted from one."""
-    return int(true.int().argmax()) + 1 if bool(true.any()) else None
-
-
-def _basis(matrix: SnapshotMatrix, pairs: RitzPairs, total: float, energy: float, route: str) -> Basis:
-    """Modes φ = W̃ v / σ by one pass over the rows, made orthonormal to rounding."""
-    sigma = np.sqrt(pairs.values.cpu().numpy() * matrix.shape[1])
-    weights = pairs.vectors.cpu().numpy() / sigma
-    mean, modes = np.empty(matrix.shape[0]), np.empty((matrix.shape[0], len(sigma)))
-    start = 0
-    for block in matrix.row_blocks():
-        rows = slice(start, start + len(block))
-        mean[rows] = block.mean(axis=1)
-        modes[rows] = (block - mean[rows, None]) @ weights
-        start += len(block)
-    p = orthonormalise_(modes)
-    capped = (
-        "" if p == len(sigma) else f"; {len(sigma) - p} modes left out, not orthogonal to the others within rounding"
+def _pairs(matrix: SnapshotMatrix, route: str, operator: _Operator, wanted: Wanted) -> RitzPairs:
+    if route == "svd":
+        return dense_pairs(matrix, wanted)
+    return lanczos(
+        operator.product,
+        matrix.shape[1],
+        wanted,
+        trace=float(operator.energies.sum()),
+        block=GRAM_BLOCK if route == "gram" else BLOCK,
+        device=matrix.device,
     )
-    modes = fix_signs_(modes[:, :p])
-    values = pairs.values.cpu().numpy()[:p]
-    cumulative = np.cumsum(values)
+
+
+def _basis(matrix: SnapshotMatrix, pairs: RitzPairs, total: float, energy: float, choice: Choice) -> Basis:
+    """Basis from eigenpairs, with modes by one pass over the rows."""
+    values, vectors = pairs.values.cpu().numpy(), pairs.vectors.cpu().numpy()
+    # W̃ v = (W - w₀) v only for v orthogonal to ones, which rounding has spoilt where λ is small
+    made = modes_of(matrix, (vectors - vectors.mean(axis=0)) / np.sqrt(values * matrix.shape[1]))
+    basis = basis_of(made, values, total, energy, choice, pairs.ritz_sum)
+    return basis._replace(
+        residuals=pairs.residuals.cpu().numpy()[: len(basis.values)],
+        steps=pairs.steps,
+        reason=pairs.reason + basis.reason,
+        tridiagonal=pairs.tridiagonal.cpu().numpy(),
+        weights=None if matrix.weights is None else matrix.weights[matrix.own],
+    )
+
+
+def basis_of(
+    made: Modes, values: Array, total: float, energy: float, choice: Choice, ritz_sum: float | None = None
+) -> Basis:
+    """Basis from modes, those that could be made orthogonal, and all λ; nothing is known of a Lanczos process."""
+    p = made.modes.shape[1]
+    lost = len(values) - p
+    capped = f"; {lost} modes left out, not orthogonal to the others within rounding" if lost else ""
+    cumulative = np.cumsum(values[:p])
     return Basis(
-        mean,
-        modes,
-        values,
-        pairs.residuals.cpu().numpy()[:p],
-        total,
-        cumulative / total,
-        _reach(cumulative, energy * total),
-        _reach(cumulative, energy * pairs.ritz_sum),
-        pairs.steps,
-        route,
-        pairs.reason + capped,
+        mean=made.mean,
+        modes=made.modes,
+        values=values[:p],
+        residuals=np.full(p, EPSILON * float(values[0])),
+        total_energy=total,
+        ratio=cumulative / total,
+        n_lr=_reach(cumulative, energy * total),
+        n_lr_paper=_reach(cumulative, energy * (ritz_sum or float(values.sum()))),
+        steps=0,
+        route=choice.route,
+        route_reason=choice.reason,
+        reason=capped,
+        orthogonality=made.orthogonality,
+        tridiagonal=np.zeros((0, 0)),
+        weights=None,
     )
 
 

@@ -1,13 +1,21 @@
 """Gram matrix of the snapshots: every inner product of two snapshots, in double precision."""
 
 from collections.abc import Iterable
+from typing import Protocol
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
+from scipy.linalg.blas import dsyrk
 
 Array = NDArray[np.float64]
+
+
+class _Rows(Protocol):
+    @property
+    def rows(self) -> slice: ...
+    @property
+    def motion(self) -> Array: ...
 
 
 def compute_device(device: str | None) -> torch.device:
@@ -17,36 +25,48 @@ def compute_device(device: str | None) -> torch.device:
     return torch.device("cuda" if torch.cuda.is_available() else "cpu")
 
 
-def inner_products(block: Array, device: torch.device) -> Tensor:
-    """BᵀB of one block of rows (b, N_t): (N_t, N_t), double precision, on the device."""
-    if device.type == "cpu":
-        # numpy sees that both factors are one matrix and computes half of the product; torch does not
-        return torch.from_numpy(block.T @ block)
-    rows = torch.from_numpy(block).to(device)
-    return rows.T @ rows
+class Products:
+    """Σ BᵀB over blocks of rows B (b, n), (n, n) in double precision: half of each product is computed and kept."""
+
+    def __init__(self, size: int, device: torch.device) -> None:
+        self._device = device
+        self._half = np.zeros((size, size), order="F")
+        self._whole = torch.zeros((size, size) if device.type != "cpu" else (0, 0), dtype=torch.float64, device=device)
+
+    def add(self, rows: Array) -> None:
+        """Add BᵀB of some rows (b, n)."""
+        if self._device.type == "cpu":
+            self._half = dsyrk(1.0, rows.T, beta=1.0, c=self._half, overwrite_c=True)
+        else:
+            there = torch.from_numpy(rows).to(self._device)
+            self._whole += there.T @ there
+
+    def total(self) -> Array:
+        """Return the sum, both halves."""
+        if self._device.type != "cpu":
+            return np.asarray(self._whole.cpu().numpy())
+        upper = np.triu(self._half)
+        return np.asarray(upper + np.triu(upper, 1).T)
 
 
-def gram_groups(blocks: Iterable[Array], size: int, groups: int, rows_per_particle: int, device: torch.device) -> Array:
+def gram_groups(tiles: Iterable[_Rows], size: int, groups: int, rows_per_particle: int, device: torch.device) -> Array:
     """(W - w₀)ᵀ(W - w₀) split over groups of particles, (groups, N_t, N_t); w₀ is the first snapshot.
 
-    Particle i belongs to group i mod groups. The sum over groups is the Gram matrix; blocks are added in fixed
-    order, so the result is reproducible. blocks: (b, N_t) each; size: N_t.
+    Particle i belongs to group i mod groups. The sum over groups is the Gram matrix; tiles are added in fixed
+    order, so the result is reproducible. size: N_t.
     """
-    total = torch.zeros((groups, size, size), dtype=torch.float64, device=device)
-    start = 0
-    for block in blocks:
-        motion = block - block[:, :1]
+    totals = [Products(size, device) for _ in range(groups)]
+    for tile in tiles:
         if groups == 1:
-            total[0] += inner_products(motion, device)
+            totals[0].add(tile.motion)
         else:
-            group = (start + np.arange(len(block))) // rows_per_particle % groups
-            for g in range(groups):
-                total[g] += inner_products(motion[group == g], device)
-        start += len(block)
-    return np.asarray(total.cpu().numpy())
+            group = np.arange(tile.rows.start, tile.rows.stop) // rows_per_particle % groups
+            for g, total in enumerate(totals):
+                total.add(tile.motion[group == g])
+    return np.stack([total.total() for total in totals])
 
 
-def centred(gram: Tensor) -> Tensor:
+def centred_pairs(gram: Array) -> Array:
     """W̃ᵀW̃ from inner products about any snapshot: K_ij = G_ij - ḡ_i - ḡ_j + ḡ, (N_t, N_t)."""
-    to_mean = gram.mean(dim=0)
-    return gram - to_mean - to_mean[:, None] + to_mean.mean()
+    to_mean = gram.mean(axis=0)
+    return np.asarray(gram - to_mean - to_mean[:, None] + to_mean.mean())

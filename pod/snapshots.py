@@ -1,18 +1,23 @@
 """The snapshot matrix W (rows, N_t), one snapshot per column, read by blocks of rows and never held whole."""
 
-from collections.abc import Iterator, Sequence
-from typing import Any, Protocol
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
 from pod.errors import InputError
-from pod.gram import compute_device, gram_groups
+from pod.gram import Array, centred_pairs, compute_device, gram_groups
+from pod.ranks import ALONE, Ranks
+from pod.workers import Tile, in_parallel, sum_of, workers_for
 
-Array = NDArray[np.float64]
-BLOCK_VALUES = 8 * 2**20  # 64 MiB of doubles: large enough for full speed of the product, small beside any run
+BLOCK_VALUES = 8 * 2**20  # that are read at once: 64 MiB of doubles, small beside any run
+TILE_VALUES = 2**17  # that are computed with at once: 1 MiB, which stays in the cache of a core
+T = TypeVar("T")
+SQUARES_FIT = (1e-290, 1e290)  # energies outside have lost digits, or overflow soon
 
 
 class RowSource(Protocol):
@@ -35,9 +40,11 @@ class SnapshotMatrix:
     """Snapshots as products and blocks: memory is bounded by a block, whatever the size of the run.
 
     source: rows on disk or in memory, any real precision; sums are in double precision. block_rows: rows per block,
-    default 64 MiB of doubles. columns: which snapshots, default all. device: where products are formed, default a GPU
-    if there is one.
-    Raises InputError for a source that is not a matrix or has no row or no snapshot.
+    default 64 MiB of doubles. columns: which snapshots, default all. weights: (rows,) of the inner product, such as
+    volumes of cells, default ones. ranks: the processes among which the rows are shared out, default this one alone.
+    device: where products are formed, default a GPU if there is one.
+    Raises InputError for a source that is not a matrix or has no row or no snapshot, and for weights that are not
+    positive.
     """
 
     def __init__(
@@ -46,6 +53,8 @@ class SnapshotMatrix:
         block_rows: int | None = None,
         *,
         columns: Sequence[int] | NDArray[np.intp] | None = None,
+        weights: ArrayLike | None = None,
+        ranks: Ranks = ALONE,
         device: str | None = None,
     ) -> None:
         if len(source.shape) != 2 or 0 in source.shape:
@@ -61,29 +70,88 @@ class SnapshotMatrix:
         self.rows_per_particle = int(getattr(source, "rows_per_particle", 1))
         self.block_rows = block_rows or max(BLOCK_VALUES // int(source.shape[1]), 1)
         self.device = compute_device(device)
+        self.ranks, self.own = ranks, ranks.share(self.shape[0], self.rows_per_particle)
+        self.weights = None if weights is None else _checked_weights(weights, self.shape[0])
+
+    @property
+    def total_weight(self) -> float:
+        """Σ of the weights of all rows, their number where they weigh the same."""
+        return float(self.shape[0] if self.weights is None else self.weights.sum())
+
+    @property
+    def in_memory(self) -> bool:
+        """Whether rows need not be read from a disk."""
+        return isinstance(self._source, np.ndarray | Tensor)
 
     def columns(self, indices: Sequence[int] | NDArray[np.intp]) -> "SnapshotMatrix":
         """View of some of the snapshots, in the order given."""
         chosen = np.asarray(indices, dtype=np.intp)
         if self._columns is not None:
             chosen = self._columns[chosen]
-        return SnapshotMatrix(self._source, self.block_rows, columns=chosen, device=str(self.device))
+        return SnapshotMatrix(
+            self._source, self.block_rows, columns=chosen, weights=self.weights, ranks=self.ranks,
+            device=str(self.device),
+        )  # fmt: skip
 
     def row_blocks(self) -> Iterator[Array]:
-        """Blocks (b, N_t) of rows in double precision, in order. Raises InputError for NaN or infinity."""
-        for start in range(0, self.shape[0], self.block_rows):
-            values = self._source[start : min(start + self.block_rows, self.shape[0])]
-            block = _as_numpy(values)
-            if self._columns is not None:
-                block = block[:, self._columns]
-            block = np.ascontiguousarray(block, dtype=np.float64)
+        """Blocks (b, N_t) of this process's rows, double precision, no weights. Raises InputError for NaN or inf."""
+        for start, values in self._read():
+            block = np.ascontiguousarray(values, dtype=np.float64)
             if not np.isfinite(block).all():
-                row, snapshot = np.argwhere(~np.isfinite(block))[0]
-                raise InputError(
-                    f"snapshots: row {start + row} of snapshot {snapshot} is {block[row, snapshot]}; "
-                    "repair the run or leave the snapshot out"
-                )
+                raise _not_finite(start, block)
             yield block
+
+    def each(self, work: Callable[[Iterator[Tile]], T]) -> list[T]:
+        """Results of a piece of work done by every thread on its share of the tiles of this process's rows.
+
+        A value that is not finite goes through, into all that is summed from it.
+        """
+        workers = 1 if self.device.type != "cpu" else workers_for(self.own.stop - self.own.start, self._height)
+        return in_parallel(lambda worker: work(self._tiles(worker, workers)), workers)
+
+    @property
+    def _height(self) -> int:
+        return min(max(TILE_VALUES // self.shape[1], 1), self.block_rows)
+
+    def _tiles(self, worker: int, workers: int) -> Iterator[Tile]:
+        motion = np.empty((self._height, self.shape[1]))
+        for start, block in self._read(worker, workers):
+            for low in range(0, len(block), self._height):
+                values = block[low : low + self._height]
+                rows = slice(start + low, start + low + len(values))
+                yield self._tile(rows, values, motion[: len(values)])
+
+    def _tile(self, rows: slice, values: NDArray[Any], motion: Array) -> Tile:
+        first = values[:, 0].astype(np.float64)
+        with np.errstate(invalid="ignore", over="ignore"):  # check_energy() says where they come from
+            np.subtract(values, first[:, None], out=motion, dtype=np.float64)
+        if self.weights is not None:
+            root = np.sqrt(self.weights[rows])
+            motion *= root[:, None]
+            first *= root
+        return Tile(rows, motion, first)
+
+    def _read(self, worker: int = 0, workers: int = 1) -> Iterator[tuple[int, NDArray[Any]]]:
+        """Every so many blocks as the source keeps them, and where they begin; one thread alone reads ahead."""
+        # memory is read by tiles: no share of a thread is larger than another's by more than one
+        step = self._height if self.in_memory else self.block_rows
+        starts = range(self.own.start + worker * step, self.own.stop, workers * step)
+        if self.in_memory or workers > 1:
+            yield from ((start, self._rows(start, step)) for start in starts)
+            return
+        with ThreadPoolExecutor(1) as reader:
+            ahead = [(start, reader.submit(self._rows, start, step)) for start in starts[:1]]
+            for following in [*starts[1:], None]:
+                start, block = ahead.pop()
+                values = block.result()
+                if following is not None:
+                    ahead.append((following, reader.submit(self._rows, following, step)))
+                yield start, values
+
+    def _rows(self, start: int, count: int) -> NDArray[Any]:
+        values = self._source[start : min(start + count, self.own.stop)]
+        block = np.asarray(values.detach().cpu().numpy() if isinstance(values, Tensor) else values)
+        return block if self._columns is None else block[:, _as_slice(self._columns)]
 
     def gram(self) -> Array:
         """(W - w₀)ᵀ(W - w₀), (N_t, N_t), w₀ the first snapshot: rounding is measured against motion, not position."""
@@ -94,27 +162,94 @@ class SnapshotMatrix:
         """Gram matrix split over groups of particles, (groups, N_t, N_t), from one pass; their sum is `gram()`."""
         if groups < 1:
             raise InputError(f"groups: {groups}; give at least 1")
-        return gram_groups(self.row_blocks(), self.shape[1], groups, self.rows_per_particle, self.device)
+        return self.summed(self.ranks.agreed(lambda: self._own_groups(groups)))
 
-    def centred_product(self, v: Tensor) -> Tensor:
-        """W̃ᵀ(W̃ v) by one pass over the rows, W̃ = W - W̄: the product that Lanczos asks for, (N_t,)."""
-        total = torch.zeros(self.shape[1], dtype=torch.float64, device=self.device)
-        for block in self.row_blocks():
-            rows = torch.from_numpy(block - block.mean(axis=1, keepdims=True)).to(self.device)
-            total += rows.T @ (rows @ v)
-        return total
+    def _own_groups(self, groups: int) -> Array:
+        size, together, device = self.shape[1], self.rows_per_particle, self.device
+        found = sum_of(self.each(lambda tiles: gram_groups(tiles, size, groups, together, device)))
+        self.check_energy(np.einsum("gtt->t", found))
+        return found
+
+    def summed(self, values: Array) -> Array:
+        """Sum of what each process has computed from its own rows."""
+        return self.ranks.summed(values)
+
+    def centred_product(self, V: Tensor) -> Tensor:
+        """W̃ᵀ(W̃ V) by one pass over the rows, W̃ = W - W̄: the product that Lanczos asks for. V: (N_t, b)."""
+        lead = V - V.mean(dim=0)
+
+        def own(tiles: Iterator[Tile]) -> Array:
+            total = torch.zeros_like(lead)
+            for tile in tiles:
+                rows = torch.from_numpy(tile.motion).to(self.device)
+                total += rows.T @ (rows @ lead)
+            return np.asarray(total.cpu().numpy())
+
+        total = torch.from_numpy(self.summed(sum_of(self.each(own)))).to(self.device)
+        return total - total.mean(dim=0)
 
     def centred_square_norms(self) -> Array:
         """Squared norm of every centred snapshot, (N_t,); their sum is ‖W̃‖²_F, N_t times the total energy."""
-        total = np.zeros(self.shape[1])
-        for block in self.row_blocks():
-            total += np.square(block - block.mean(axis=1, keepdims=True)).sum(axis=0)
+        return self.summed(self.ranks.agreed(self._own_square_norms))
+
+    def _own_square_norms(self) -> Array:
+        def own(tiles: Iterator[Tile]) -> Array:
+            total = np.zeros(self.shape[1])
+            for tile in tiles:
+                with np.errstate(invalid="ignore", over="ignore"):  # check_energy() says where they come from
+                    moved = tile.motion - tile.motion.mean(axis=1, keepdims=True)
+                    total += np.einsum("rt,rt->t", moved, moved)
+            return total
+
+        total = sum_of(self.each(own))
+        self.check_energy(total)
         return total
 
+    def check_energy(self, squares: Array) -> None:
+        """Refuse squares (N_t,) of snapshots that are not finite, or where motion is lost in them (InputError)."""
+        largest = float(squares.max(initial=0.0)) if np.isfinite(squares).all() else np.inf
+        if SQUARES_FIT[0] < largest < SQUARES_FIT[1]:
+            return
+        moved = 0.0
+        for block in self.row_blocks():  # stops at the first NaN or infinity, and says where
+            with np.errstate(over="ignore"):
+                moved = max(moved, float(np.abs(block - block[:, :1]).max()))
+        if moved > 0.0:
+            raise InputError(
+                f"snapshots: they move by {moved:.3g}, whose square a double cannot hold; choose a unit in which they "
+                "move by 1e-140 to 1e140"
+            )
 
-def _as_numpy(values: Any) -> NDArray[Any]:
-    """Rows as a numpy array, wherever the source keeps them."""
-    return np.asarray(values.detach().cpu().numpy() if isinstance(values, Tensor) else values)
+
+def centred_gram(matrix: SnapshotMatrix) -> Array:
+    """W̃ᵀW̃, (N_t, N_t), about the mean of the snapshots."""
+    return centred_pairs(matrix.gram())
+
+
+def _checked_weights(weights: ArrayLike, rows: int) -> Array:
+    found = np.asarray(weights, dtype=np.float64)
+    if found.shape != (rows,):
+        raise InputError(f"weights: shape {found.shape}; give one per row, ({rows},)")
+    if not (np.isfinite(found) & (found > 0.0)).all():
+        row = int(np.argmin(np.isfinite(found) & (found > 0.0)))
+        raise InputError(f"weights: {found[row]} at row {row}; give positive ones, or leave the row out")
+    return found
+
+
+def _not_finite(start: int, block: Array) -> InputError:
+    row, snapshot = np.argwhere(~np.isfinite(block))[0]
+    return InputError(
+        f"snapshots: row {start + row} of snapshot {snapshot} is {block[row, snapshot]}; "
+        "repair the run or leave the snapshot out"
+    )
+
+
+def _as_slice(columns: NDArray[np.intp]) -> "slice | NDArray[np.intp]":
+    """Evenly spaced columns as a slice, which needs no copy."""
+    steps = np.unique(np.diff(columns))
+    if len(steps) == 1 and steps[0] > 0 and columns[0] >= 0:
+        return slice(int(columns[0]), int(columns[-1]) + 1, int(steps[0]))
+    return columns
 
 
 def as_matrix(W: "SnapshotMatrix | RowSource", device: str | None = None) -> SnapshotMatrix:

@@ -20,7 +20,7 @@ def leading(A, p, **settings):
     def wanted(ritz, _):
         return p if len(ritz) >= p else None
 
-    return lanczos(lambda v: A @ v, len(A), wanted, trace=float(A.trace()), **settings)
+    return lanczos(lambda V: A @ V, len(A), wanted, trace=float(A.trace()), **settings)
 
 
 SPECTRA = {

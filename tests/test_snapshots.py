@@ -62,7 +62,7 @@ def test_a_torch_tensor_is_as_good_as_an_array(moving):
 
 def test_the_product_is_that_of_the_centred_snapshots(moving):
     centred = moving - moving.mean(axis=1, keepdims=True)
-    v = np.random.default_rng(2).standard_normal(40)
+    v = np.random.default_rng(2).standard_normal((40, 3))
     product = SnapshotMatrix(moving, 64, device="cpu").centred_product(torch.from_numpy(v)).numpy()
     expected = centred.T @ (centred @ v)
     assert np.abs(product - expected).max() <= 1e-13 * np.abs(expected).max()

@@ -1,0 +1,50 @@
+"""Tiles of rows, and the threads that share them out: each computes alone, so that none waits for another."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from typing import NamedTuple, TypeVar
+
+import torch
+from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]
+
+from pod.gram import Array
+
+T = TypeVar("T")
+MOST_WORKERS = 4  # each holds sums of its own; beyond them the products have the other threads
+
+
+class Tile(NamedTuple):
+    """Some rows of W in double precision, about the first snapshot; the next tile may overwrite them."""
+
+    rows: slice  # among all rows
+    motion: Array  # (b, N_t) (W - w₀) √weight, unit of W
+    first: Array  # (b,) w₀ √weight
+
+
+def workers_for(rows: int, height: int) -> int:
+    """Threads for so many rows in tiles of such a height: as many as torch has, a few tiles for each."""
+    return max(1, min(torch.get_num_threads(), MOST_WORKERS, rows // (4 * height)))
+
+
+def in_parallel(work: Callable[[int], T], workers: int) -> list[T]:
+    """Results of work(0) … work(workers - 1), one thread for each, the products of each on its share of the cores."""
+    if workers == 1:
+        return [work(0)]
+    with (
+        _libraries().limit(limits=max(1, torch.get_num_threads() // workers), user_api="blas"),
+        ThreadPoolExecutor(workers) as pool,
+    ):
+        return list(pool.map(work, range(workers)))
+
+
+def sum_of(parts: Sequence[Array]) -> Array:
+    """Sum in fixed order, in the memory of the first."""
+    for part in parts[1:]:
+        parts[0].__iadd__(part)
+    return parts[0]
+
+
+@cache
+def _libraries() -> ThreadpoolController:
+    return ThreadpoolController()
