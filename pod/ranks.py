@@ -1,6 +1,7 @@
 """The processes that share one snapshot matrix by its rows, each with its own."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -38,9 +39,9 @@ class Ranks:
         """Do a piece of work; where any process refuses its rows (InputError), all of them do."""
         return work()
 
-    def pieces(self, rows: Array) -> list[Array]:
-        """Rows of all processes in order, on the first of them; on the others nothing."""
-        return [rows]
+    def pieces(self, rows: Array) -> Iterator[Array]:
+        """Rows of all processes in order, on the first of them; the others, which must ask as well, get nothing."""
+        yield rows
 
 
 ALONE = Ranks()
@@ -77,20 +78,19 @@ class TorchRanks(Ranks):
                 raise InputError(words)
         return result
 
-    def pieces(self, rows: Array) -> list[Array]:
-        """Gather to the first process, one after another."""
+    def pieces(self, rows: Array) -> Iterator[Array]:
+        """Send to the first process, one after another."""
         shapes: list[tuple[int, ...]] = [()] * self.size
         self._alive(lambda: dist.all_gather_object(shapes, rows.shape))
         if self.rank > 0:
             sent = torch.from_numpy(np.ascontiguousarray(rows)).to(self._device)
             self._alive(lambda: dist.send(sent, 0))
-            return []
-        found = [rows]
+            return
+        yield rows
         for other in range(1, self.size):
             received = torch.empty(shapes[other], dtype=torch.float64, device=self._device)
-            self._alive(lambda other=other, into=received: dist.recv(into, other))  # type: ignore[misc]
-            found.append(received.cpu().numpy())
-        return found
+            self._alive(partial(dist.recv, received, other))
+            yield received.cpu().numpy()
 
     def _reduced(self, values: Array, operation: "dist.ReduceOp.RedOpType") -> Array:
         total: Tensor = torch.from_numpy(np.array(values, dtype=np.float64)).to(self._device)

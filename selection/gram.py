@@ -18,7 +18,8 @@ class Snapshots(Protocol):
 
     `gram()` is (W - a)ᵀ(W - a) in double precision for any fixed snapshot a; the first one is best, because then
     rounding is measured against the motion and not against the position. `row_blocks()` yields W by blocks of
-    rows. An optional `gram_groups(k)` (k, N_t, N_t) splits the sum over the particles into k groups.
+    rows. An optional `gram_groups(k)` (k, N_t, N_t) splits the sum over the particles into k groups. Where the blocks
+    are those of one process of several, `shape` and `gram()` are those of all, and `summed(x)` adds up over them.
     """
 
     @property
@@ -135,5 +136,7 @@ def square_root(W: Snapshots, gram: Array) -> Array:
         values = np.asarray(block, dtype=np.float64)
         rows = (values - values[:, :1]) @ (vectors / scale)
         scaled += rows.T @ rows
+    if hasattr(W, "summed"):
+        scaled = np.asarray(W.summed(scaled))
     middle, turn = np.linalg.eigh(scaled)
     return np.asarray((np.sqrt(np.maximum(middle, 0.0)) * turn).T * scale @ vectors.T)

@@ -190,14 +190,22 @@ def decompose(
     energy: Annotated[float | None, typer.Option(help="share of the energy that the modes hold")] = None,
     modes: Annotated[int | None, typer.Option(help="their number")] = None,
     tolerance: Annotated[float | None, typer.Option(help="largest RMSE of any snapshot, unit of the variable")] = None,
+    error: Annotated[float | None, typer.Option(help="RMSE over all snapshots, unit of the variable")] = None,
+    route: Annotated[str | None, typer.Option(help="gram, block or svd; default: the cheapest")] = None,
+    append: Annotated[bool, typer.Option("--append", help="keep inner products, and add to those in BASIS")] = False,
+    velocities: Annotated[bool, typer.Option("--velocities", help="enrich positions by velocities")] = False,
+    plot: Annotated[Path | None, typer.Option(metavar="HTML", help="convergence of the Lanczos ratio")] = None,
     json: Json = None,
 ) -> None:
-    """Find the modes of a variable by Lanczos POD."""
-    from suffice.decomposing import decompose_run
+    """Find the modes of a variable by Lanczos POD; under torchrun the ranks share the rows."""
+    from suffice.decomposing import Wanted, decompose_run
+    from suffice.ranks import shared_rows
     from suffice.tables import show_facts
 
-    answer = decompose_run(run_file, output, variable, interval, energy, modes, tolerance)
-    if _tell(answer, json):
+    wanted = Wanted(variable, interval, energy, modes, tolerance, error, route, append, velocities, plot)
+    with shared_rows() as ranks:
+        answer = decompose_run(run_file, output, wanted, ranks)
+    if ranks.rank == 0 and _tell(answer, json):
         show_facts(str(output), answer)
 
 
@@ -215,6 +223,7 @@ def select(
     json: Json = None,
 ) -> None:
     """Decide for each variable which snapshot interval Δτ suffices: R_c, n_lr, n_c and K_f."""
+    from suffice.ranks import shared_rows
     from suffice.run import Run
     from suffice.selecting import parse_intervals, select_json, select_run
     from suffice.tables import show_selection
@@ -222,11 +231,11 @@ def select(
     given = {"energy": energy, "consistency": consistency, "feasibility": feasibility}
     changed = {name: value for name, value in given.items() if value is not None}
     steps = None if intervals is None else parse_intervals(intervals)
-    with Run(run_file) as run:
+    with shared_rows() as ranks, Run(run_file) as run:
         with context.obj.stage("select", "variables") as advance:
-            table = select_run(run, variables, steps, changed, advance)
+            table = select_run(run, variables, steps, changed, advance, ranks)
         answer = select_json(run, table)
-    if _tell(answer, json):
+    if ranks.rank == 0 and _tell(answer, json):
         show_selection(answer)
 
 

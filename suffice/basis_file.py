@@ -1,18 +1,21 @@
 """A basis on disk: mean, modes and what is known about them."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
-from pod import Basis
+from pod import ALONE, Basis, Ranks
 from suffice.refusal import Refusal
 
 KIND = "basis"
-ARRAYS = ("mean", "modes", "values", "residuals", "ratio")
+ARRAYS = ("mean", "modes", "values", "residuals", "ratio", "tridiagonal")
+SHARED = ("mean", "modes", "weights")  # of which each process that shares the rows has its own
 
 
 def card_of(basis: Basis, made_from: Mapping[str, Any]) -> dict[str, Any]:
@@ -20,14 +23,15 @@ def card_of(basis: Basis, made_from: Mapping[str, Any]) -> dict[str, Any]:
     return {
         **made_from,
         "n_modes": basis.modes.shape[1],
-        "n_rows": basis.modes.shape[0],
         "n_lr": basis.n_lr,
         "n_lr_paper": basis.n_lr_paper,
         "total_energy": basis.total_energy,
         "energy_held": float(basis.ratio[-1]) if len(basis.ratio) else 0.0,
         "largest_residual": float(np.max(basis.residuals, initial=0.0)),
+        "orthogonality": basis.orthogonality,
         "lanczos_steps": basis.steps,
         "route": basis.route,
+        "route_reason": basis.route_reason,
         "reason": basis.reason,
     }
 
@@ -42,22 +46,54 @@ def check_place(path: Path) -> None:
         raise Refusal(f"output {path}: there is no folder {path.parent}; make it first")
 
 
-def write_basis(path: Path, basis: Basis, card: Mapping[str, Any]) -> None:
-    """Write a basis beside and rename it.
+def write_basis(
+    path: Path, basis: Basis, card: Mapping[str, Any], ranks: Ranks = ALONE, gram: NDArray[np.float64] | None = None
+) -> None:
+    """Write a basis beside and rename it, and with it inner products (N_t, N_t) to which snapshots may be appended.
 
-    Raises Refusal when the file cannot be made.
+    Of several processes all call this, and the first one writes, also the rows of the others as they arrive. Raises
+    Refusal when the file cannot be made.
     """
+    if ranks.rank > 0:
+        for name in SHARED:
+            if getattr(basis, name) is not None:
+                list(ranks.pieces(getattr(basis, name)))
+        return
     part = path.with_name(path.name + ".part")
     try:
         with h5py.File(part, "w") as file:
             file["suffice/kind"] = np.bytes_(KIND.encode())
             file["suffice/card"] = np.bytes_(json.dumps(dict(card)).encode())
             for name in ARRAYS:
-                file[name] = getattr(basis, name)
+                if name not in SHARED:
+                    file[name] = getattr(basis, name)
+            for name in SHARED:
+                if getattr(basis, name) is not None:
+                    _write_pieces(file, name, ranks.pieces(getattr(basis, name)), card["n_rows"])
+            if gram is not None:
+                file["gram"] = gram
         part.replace(path)
     except OSError as error:
         part.unlink(missing_ok=True)
         raise Refusal(f"output {path} cannot be written ({error}); name a file in a folder that exists") from None
+
+
+def _write_pieces(file: h5py.File, name: str, pieces: Iterator[NDArray[np.float64]], rows: int) -> None:
+    first = next(pieces)
+    stored = file.create_dataset(name, (rows, *first.shape[1:]), first.dtype)
+    begin = 0
+    for piece in chain([first], pieces):
+        stored[begin : begin + len(piece)] = piece
+        begin += len(piece)
+
+
+def read_gram(path: Path) -> NDArray[np.float64] | None:
+    """Return the inner products that stand in a basis, or None."""
+    try:
+        with h5py.File(path, "r") as file:
+            return np.asarray(file["gram"][()], dtype=np.float64) if "gram" in file else None
+    except (OSError, ValueError, TypeError):
+        return None
 
 
 def read_card(path: Path) -> dict[str, Any] | None:

@@ -2,52 +2,118 @@
 
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pod import SnapshotMatrix, lanczos_pod
+from pod import ALONE, Basis, Ranks, SnapshotMatrix, enriched_pod, grown_gram, lanczos_convergence, lanczos_pod
 from selection import InputError as UnfitIntervals
 from selection import dense_interval
 from selection.intervals import stride
-from suffice.basis_file import card_of, check_place, write_basis
+from suffice.basis_file import card_of, check_place, read_card, read_gram, write_basis
 from suffice.refusal import Refusal
+from suffice.report import write_report
 from suffice.run import Run
 
 
-def decompose_run(
-    source: Path,
-    output: Path,
-    variable: str,
-    interval: float | None = None,
-    energy: float | None = None,
-    modes: int | None = None,
-    tolerance: float | None = None,
-) -> dict[str, Any]:
+class Wanted(NamedTuple):
+    """What a basis is made of and how far it goes; at most one of energy, modes, tolerance and error."""
+
+    variable: str
+    interval: float | None = None  # s, Δτ of the snapshots used; default the dense one
+    energy: float | None = None
+    modes: int | None = None
+    tolerance: float | None = None
+    error: float | None = None
+    route: str | None = None
+    append: bool = False  # use the inner products that stand in the basis to be replaced, and keep them in the new one
+    velocities: bool = False  # enrich positions by velocities
+    plot: Path | None = None  # page that shows how the Lanczos ratio converged
+
+
+def decompose_run(source: Path, output: Path, wanted: Wanted, ranks: Ranks = ALONE) -> dict[str, Any]:
     """Find the modes of one variable of a run, write them, and return what is known about them in plain types.
 
-    interval: Δτ in s of the snapshots used, default the dense one; energy, modes, tolerance: at most one of them, as
-    for `pod.lanczos_pod`. Raises Refusal or pod.InputError for what cannot be used.
+    Of several ranks each reads its own rows, and the first one writes. Raises Refusal or pod.InputError for what cannot
+    be used, and pod.LostRankError.
     """
     check_place(output)
     with Run(source) as run:
-        rows = run.variable(variable)
+        rows = run.variable(wanted.variable)
         began = time.monotonic()
-        try:
-            step = 1 if interval is None else stride(interval, dense_interval(run.times), run.n_snapshots)
-        except UnfitIntervals as error:
-            raise Refusal(f"{source}: {error}") from None
-        used = np.arange(0, run.n_snapshots, step)
-        matrix = SnapshotMatrix(rows).columns(used)
-        basis = lanczos_pod(matrix, energy=energy, modes=modes, tolerance=tolerance)
-        made_from = {
+        used = _snapshots(run, wanted.interval)
+        card: dict[str, Any] = {
             "run": str(source),
-            "variable": variable,
+            "variable": wanted.variable,
             "unit": rows.unit,
-            "interval": float(run.times[step] - run.times[0]) if run.n_snapshots > step else None,
+            "interval": float(run.times[used[1]] - run.times[used[0]]) if len(used) > 1 else None,
             "n_snapshots": len(used),
-            "seconds": round(time.monotonic() - began, 3),
+            "n_rows": rows.shape[0],
+            "ranks": ranks.size,
         }
-    card = card_of(basis, made_from)
-    write_basis(output, basis, card)
+        gram = None
+        if wanted.velocities:
+            basis, more = _enriched(run, wanted, used, ranks)
+            card |= more
+        else:
+            matrix = SnapshotMatrix(rows, ranks=ranks).columns(used)
+            if wanted.append:
+                gram, card["snapshots_known"] = _grown(matrix, output, card)
+            basis = lanczos_pod(
+                matrix, energy=wanted.energy, modes=wanted.modes, tolerance=wanted.tolerance, error=wanted.error,
+                route=wanted.route, gram=gram,
+            )  # fmt: skip
+    card = card_of(basis, {**card, "seconds": round(time.monotonic() - began, 3)})
+    write_basis(output, basis, card, ranks, gram)
+    if wanted.plot is not None and ranks.rank == 0:
+        about = {key: card[key] for key in ("run", "n_rows", "n_snapshots", "lanczos_steps", "route", "reason")}
+        curves = {"convergence": {wanted.variable: _convergence(basis)}, "provenance": about}
+        write_report({"study": f"{wanted.variable} of {source.name}", **curves}, wanted.plot)
     return card
+
+
+def _convergence(basis: Basis) -> dict[str, Any]:
+    """Return how the Lanczos ratio converged with the steps, in plain types (the paper's Figure 2)."""
+    found = lanczos_convergence(basis)
+    curves = {name: [float(x) for x in values] for name, values in found._asdict().items()}
+    return {"modes": len(basis.values), **curves}
+
+
+def _snapshots(run: Run, interval: float | None) -> NDArray[np.intp]:
+    try:
+        step = 1 if interval is None else stride(interval, dense_interval(run.times), run.n_snapshots)
+    except UnfitIntervals as error:
+        raise Refusal(f"{run.path}: {error}") from None
+    return np.arange(0, run.n_snapshots, step)
+
+
+def _grown(matrix: SnapshotMatrix, output: Path, card: dict[str, Any]) -> tuple[NDArray[np.float64], int]:
+    """Inner products of all snapshots, from those in the basis that stands at the output, and how many those were."""
+    past, known = read_card(output), read_gram(output)
+    if past is None or known is None:
+        return matrix.gram(), 0
+    for name in ("run", "variable", "interval", "n_rows"):
+        if past.get(name) != card[name]:
+            raise Refusal(
+                f"--append: {output} was made with {name} {past.get(name)}, now it is {card[name]}; choose another "
+                "output, or leave --append out"
+            )
+    return grown_gram(matrix, known), len(known)
+
+
+def _enriched(run: Run, wanted: Wanted, used: NDArray[np.intp], ranks: Ranks) -> tuple[Basis, dict[str, Any]]:
+    """Basis of positions and velocities, and what its weight was chosen from."""
+    name = wanted.variable.replace("position", "velocity")
+    if name == wanted.variable or wanted.interval is None or wanted.append:
+        raise Refusal(
+            f"--velocities with --variable {wanted.variable}: enriches a position at a coarser --interval, without "
+            "--append; for example --variable position --interval with twice the dense one"
+        )
+    if any(x is not None for x in (wanted.energy, wanted.tolerance, wanted.error, wanted.route)):
+        raise Refusal("--velocities: the number of modes is given by --modes alone, default one per snapshot")
+    interval = float(run.times[used[1]] - run.times[used[0]])
+    sources = run.variable(wanted.variable), run.variable(name)
+    found = enriched_pod(*sources, used.tolist(), interval, modes=wanted.modes, ranks=ranks)
+    errors = {f"{weight:g}": float(error) for weight, error in zip(found.weights, found.errors, strict=True)}
+    return found.basis, {"velocity_weight": found.weight, "held_out_rmse": errors}

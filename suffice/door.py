@@ -8,6 +8,7 @@ from typing import Any
 
 import typer
 
+from suffice.ranks import is_first
 from suffice.refusal import Refusal
 
 DONE, FAILED, REFUSED, INTERRUPTED = 0, 1, 2, 130
@@ -26,8 +27,9 @@ def refusals() -> tuple[type[Exception], ...]:
 
 def failures() -> tuple[type[Exception], ...]:
     """Return the exceptions that mean: begun, but failed on the way."""
-    sim = sys.modules.get("sim")
-    return (OSError, MemoryError, *((sim.LimitError,) if sim is not None else ()))
+    sim, pod = sys.modules.get("sim"), sys.modules.get("pod")
+    limits = () if sim is None else (sim.LimitError,)
+    return (OSError, MemoryError, *limits, *(() if pod is None else (pod.LostRankError,)))
 
 
 def run_command(command: Callable[[], Any]) -> int:
@@ -47,7 +49,8 @@ def run_command(command: Callable[[], Any]) -> int:
     except BrokenPipeError:
         return FAILED
     except refusals() as error:
-        return _say(f"refused: {error}", REFUSED)
+        # torchrun's processes are all refused alike; the first one says so
+        return _say(f"refused: {error}", REFUSED) if is_first() else REFUSED
     except failures() as error:
         return _say(f"failed: {error or type(error).__name__}", FAILED)
 

@@ -50,6 +50,19 @@ def spectrum_figure(ratios: Mapping[str, Any], energy: float) -> Figure:
     return {"data": data, "layout": layout}
 
 
+def lanczos_figure(found: Mapping[str, Any], modes: int) -> Figure:
+    """Share of the energy that the leading Ritz pairs hold against Lanczos steps, for both denominators."""
+    steps = list(found["steps"])
+    data = [
+        _line(f"of the total energy, {modes} modes", steps, list(found["ratio"]), {"color": COLOURS[0], "width": 3}),
+        _line(
+            "of all Ritz values, the paper's", steps, list(found["paper_ratio"]),
+            {"color": COLOURS[1], "width": 2, "dash": "dot"},
+        ),
+    ]  # fmt: skip
+    return {"data": data, "layout": _layout("Lanczos steps k", "Lanczos ratio I<sub>k</sub>", "linear", "linear")}
+
+
 def error_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     """Error at unseen times against Δτ for each surrogate and baseline, with the floor that projection sets."""
     field, unit = error_field(rows)

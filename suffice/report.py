@@ -14,6 +14,7 @@ from suffice.plots import (
     Figure,
     consistency_figure,
     error_figure,
+    lanczos_figure,
     ledger_figure,
     spectrum_figure,
     stages_figure,
@@ -44,8 +45,9 @@ def write_report(results: Results, path: str | Path) -> None:
     """Write the results of a study as one HTML page, beside and renamed.
 
     results: `study`, `run`, `select` (as `select --json` writes it), `curves` {variable: {Δτ: curves}}, `spectrum`
-    {variable: {Δτ: I(p)}}, `compare` (as `compare` answers), `stages`, `series` with its `times`, `provenance`; any may
-    be missing, and its section is left out. Everything shown is escaped; the page loads nothing.
+    {variable: {Δτ: I(p)}}, `convergence` {variable: curves against steps, and `modes`}, `compare` (as
+    `compare` answers), `stages`, `series` with its `times`, `provenance`; any may be missing, and its section is
+    left out. Everything shown is escaped; the page loads nothing.
     Raises `Refusal` when the page cannot be written.
     """
     page, target = render(results), Path(path)
@@ -60,7 +62,18 @@ def write_report(results: Results, path: str | Path) -> None:
 
 def render(results: Results) -> str:
     """Return the page as HTML."""
-    parts = (_verdict, _feasibility, _consistency, _spectrum, _error, _tradeoff, _ledger, _stages, _provenance)
+    parts = (
+        _verdict,
+        _feasibility,
+        _consistency,
+        _spectrum,
+        _convergence,
+        _error,
+        _tradeoff,
+        _ledger,
+        _stages,
+        _provenance,
+    )
     sections = [section for part in parts if (section := part(results)) is not None]
     figures = {f"panel{i}": section.figures for i, section in enumerate(sections)}
     page = files("suffice") / "page"
@@ -164,6 +177,18 @@ def _spectrum(results: Results) -> Section | None:
     figures = {name: spectrum_figure(ratios, energy.get(name, 0.999)) for name, ratios in spectrum.items()}
     text = "Share of the energy that p modes leave out. Dashed: the share that defines n<sub>lr</sub>."
     return Section("Spectrum", _quiet(text), figures, _variable_picker(figures))
+
+
+def _convergence(results: Results) -> Section | None:
+    found = results.get("convergence")
+    if not found:
+        return None
+    figures = {name: lanczos_figure(curve, curve["modes"]) for name, curve in found.items()}
+    text = (
+        "Energy that the leading Ritz pairs hold after k steps. Of the sum of all Ritz values, which is not yet the "
+        "total, they hold more: with few steps that ratio promises too much."
+    )
+    return Section("Convergence of the Lanczos process", _quiet(text), figures, _variable_picker(figures))
 
 
 def _error(results: Results) -> Section | None:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from math import floor, inf, isfinite
 from typing import Any
 
-from pod import SnapshotMatrix
+from pod import ALONE, Ranks, SnapshotMatrix
 from selection import InputError as UnfitIntervals
 from selection import Sweep, Thresholds, dense_interval, sweep
 from suffice.progress import Advance
@@ -65,10 +65,12 @@ def select_run(
     intervals: Sequence[float] | None = None,
     thresholds: Mapping[str, float] | None = None,
     progress: Advance | None = None,
+    ranks: Ranks = ALONE,
 ) -> dict[str, Sweep]:
     """Judge every Δτ for every variable, in one pass over the rows of each (paper 2.3).
 
-    variables: names of the run, default all but spins. intervals: Δτ in s, default ten to two dense intervals.
+    variables: names of the run, default all but spins. intervals: Δτ in s, default ten to two dense intervals. Of
+    several ranks each reads its own rows.
     Raises Refusal for unknown variables and for times or intervals that cannot be used.
     """
     names = list(dict.fromkeys(variables)) if variables else default_variables(run)
@@ -78,7 +80,9 @@ def select_run(
         if progress:
             progress(done, len(names))
         try:
-            table[name] = sweep(SnapshotMatrix(rows), run.times, intervals, thresholds_of(name, thresholds))
+            table[name] = sweep(
+                SnapshotMatrix(rows, ranks=ranks), run.times, intervals, thresholds_of(name, thresholds)
+            )
         except UnfitIntervals as error:
             raise Refusal(f"{run.path}: {error}") from None
     if progress:

@@ -8,7 +8,7 @@ import pytest
 
 from pod import InputError, lanczos_pod
 from suffice.basis_file import ARRAYS, read_card
-from suffice.decomposing import decompose_run
+from suffice.decomposing import Wanted, decompose_run
 from suffice.refusal import Refusal
 from suffice.run import Run
 
@@ -30,7 +30,7 @@ def stored(path):
 
 
 def test_the_basis_on_disk_reconstructs_the_run_to_the_energy_asked_for(source, tmp_path):
-    card = decompose_run(source, tmp_path / "basis.h5", "position", energy=0.99)
+    card = decompose_run(source, tmp_path / "basis.h5", Wanted("position", energy=0.99))
     W, basis = matrix(source, "position"), stored(tmp_path / "basis.h5")
     assert basis["modes"].shape == (card["n_rows"], card["n_modes"]) == (72, card["n_modes"])
     motion = W - basis["mean"][:, None]
@@ -41,7 +41,7 @@ def test_the_basis_on_disk_reconstructs_the_run_to_the_energy_asked_for(source, 
 
 
 def test_only_the_snapshots_of_the_interval_are_used(source, tmp_path):
-    card = decompose_run(source, tmp_path / "basis.h5", "velocity.x", interval=0.004, modes=3)
+    card = decompose_run(source, tmp_path / "basis.h5", Wanted("velocity.x", interval=0.004, modes=3))
     assert (card["n_snapshots"], card["n_modes"], card["interval"]) == (11, 3, pytest.approx(0.004))
     own = lanczos_pod(matrix(source, "velocity.x")[:, ::4], modes=3)
     basis = stored(tmp_path / "basis.h5")
@@ -50,7 +50,7 @@ def test_only_the_snapshots_of_the_interval_are_used(source, tmp_path):
 
 
 def test_no_snapshot_is_further_off_than_the_tolerance(source, tmp_path):
-    decompose_run(source, tmp_path / "basis.h5", "position.z", tolerance=0.05)
+    decompose_run(source, tmp_path / "basis.h5", Wanted("position.z", tolerance=0.05))
     W, basis = matrix(source, "position.z"), stored(tmp_path / "basis.h5")
     motion = W - basis["mean"][:, None]
     rest = motion - basis["modes"] @ (basis["modes"].T @ motion)
@@ -59,7 +59,7 @@ def test_no_snapshot_is_further_off_than_the_tolerance(source, tmp_path):
 
 def test_the_card_says_what_made_the_basis_and_info_shows_it(source, tmp_path, suffice):
     path = tmp_path / "basis.h5"
-    card = decompose_run(source, path, "position.x", modes=2)
+    card = decompose_run(source, path, Wanted("position.x", modes=2))
     assert read_card(path) == card
     assert (card["run"], card["variable"], card["unit"]) == (str(source), "position.x", "m")
     assert json.loads(suffice("info", path, "--json", "-").out) == card
@@ -71,7 +71,7 @@ def test_the_card_says_what_made_the_basis_and_info_shows_it(source, tmp_path, s
 
 def test_a_basis_is_replaced_by_another(source, tmp_path):
     for modes in (2, 3):
-        decompose_run(source, tmp_path / "basis.h5", "position.x", modes=modes)
+        decompose_run(source, tmp_path / "basis.h5", Wanted("position.x", modes=modes))
         assert stored(tmp_path / "basis.h5")["modes"].shape[1] == modes
     assert sorted(path.name for path in tmp_path.iterdir()) == ["basis.h5", "run.h5", "run.particles.vtkhdf"]
 
@@ -90,7 +90,7 @@ def test_a_basis_is_replaced_by_another(source, tmp_path):
 )
 def test_what_cannot_be_decomposed_is_refused_and_leaves_nothing(source, tmp_path, settings, says):
     with pytest.raises((Refusal, InputError), match=says):
-        decompose_run(source, tmp_path / "basis.h5", **({"variable": "position.x"} | settings))
+        decompose_run(source, tmp_path / "basis.h5", Wanted(**({"variable": "position.x"} | settings)))
     assert not list(tmp_path.glob("basis*"))
 
 
@@ -99,4 +99,59 @@ def test_a_variable_that_does_not_move_is_refused(tmp_path, write_run):
     with h5py.File(path, "r+") as file:
         file["particles/position"][:, 1] = 0.5
     with pytest.raises(InputError, match="nothing moves"):
-        decompose_run(path, tmp_path / "basis.h5", "position.y")
+        decompose_run(path, tmp_path / "basis.h5", Wanted("position.y"))
+
+
+def test_snapshots_are_appended_to_the_inner_products_that_stand_in_the_basis(source, tmp_path, suffice):
+    output = tmp_path / "basis.h5"
+    common = ("--variable", "position", "--modes", 4, "-o", output, "--append", "--json", "-")
+    first = json.loads(suffice("decompose", source, *common).out)
+    assert first["snapshots_known"] == 0
+    known = h5py.File(output)["gram"][()]
+    with h5py.File(output, "r+") as file:  # as if the run had been 30 snapshots long then
+        del file["gram"]
+        file["gram"] = known[:30, :30]
+    again = json.loads(suffice("decompose", source, *common).out)
+    assert again["snapshots_known"] == 30
+    own, appended = lanczos_pod(matrix(source, "position"), modes=4), stored(output)
+    assert np.abs(appended["values"] - own.values).max() < 1e-12 * own.values[0]
+    assert np.abs(appended["modes"] - own.modes).max() < 1e-9
+    other = suffice("decompose", source, "--variable", "velocity", "-o", output, "--append")
+    assert other.code == 2
+    assert "was made with variable position, now it is velocity" in other.err
+
+
+def test_positions_are_enriched_by_velocities_where_that_errs_less(source, tmp_path, suffice):
+    output = tmp_path / "basis.h5"
+    answer = suffice(
+        "decompose", source, "--variable", "position", "--velocities", "--interval", "0.008", "--modes", 9,
+        "-o", output, "--json", "-",
+    )  # fmt: skip
+    card = json.loads(answer.out)
+    errors = card["held_out_rmse"]
+    assert min(errors, key=errors.get) == f"{card['velocity_weight']:g}"
+    assert errors["0"] >= errors[f"{card['velocity_weight']:g}"]
+    assert stored(output)["modes"].shape == (72, card["n_modes"])
+    assert 4 < card["n_modes"] <= 9
+    for arguments in (["--variable", "velocity"], ["--variable", "position"]):
+        refused = suffice("decompose", source, *arguments, "--velocities", "-o", output)
+        assert refused.code == 2
+        assert "enriches a position at a coarser --interval" in refused.err
+
+
+def test_the_convergence_of_the_lanczos_process_is_drawn(source, tmp_path, suffice):
+    page = tmp_path / "lanczos.html"
+    answer = suffice("decompose", source, "--variable", "position", "-o", tmp_path / "b.h5", "--plot", page)
+    assert answer.code == 0, answer.err
+    text = page.read_text()
+    assert "Convergence of the Lanczos process" in text
+    assert "of all Ritz values, the paper" in text
+
+
+def test_the_route_can_be_asked_for(source, tmp_path, suffice):
+    common = ("decompose", source, "--variable", "position", "--modes", 4, "-o", tmp_path / "b.h5", "--json", "-")
+    for route in ("gram", "block", "svd"):
+        card = json.loads(suffice(*common, "--route", route).out)
+        assert (card["route"], card["route_reason"]) == (route, "asked for")
+        assert card["orthogonality"] < 1e-12
+    assert suffice(*common, "--route", "fast").code == 2
