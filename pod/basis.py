@@ -38,7 +38,7 @@ class Basis(NamedTuple):
     route: str  # "gram": on inner products formed once; "block": reading all rows every step; "svd": dense
     route_reason: str  # why this route
     reason: str  # why it stopped, and whether the rank was capped
-    orthogonality: float  # largest entry of φᵀφ - 1, measured
+    orthogonality: float  # ‖φᵀφ - 1‖_F, measured
     tridiagonal: Array  # (k, k) T_k of the Lanczos process, by blocks; (0, 0) for a dense decomposition
     weights: Array | None  # (rows,) of the inner product, None for ones
 

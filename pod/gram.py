@@ -5,10 +5,10 @@ from typing import Protocol
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
-from scipy.linalg.blas import dsyrk
 
-Array = NDArray[np.float64]
+from pod.blas import Array, add_symmetric_product
+
+__all__ = ["Array", "Products", "centred_pairs", "compute_device", "gram_groups"]
 
 
 class _Rows(Protocol):
@@ -16,6 +16,8 @@ class _Rows(Protocol):
     def rows(self) -> slice: ...
     @property
     def motion(self) -> Array: ...
+    @property
+    def first(self) -> Array: ...
 
 
 def compute_device(device: str | None) -> torch.device:
@@ -30,13 +32,13 @@ class Products:
 
     def __init__(self, size: int, device: torch.device) -> None:
         self._device = device
-        self._half = np.zeros((size, size), order="F")
+        self._half = np.zeros((size, size))
         self._whole = torch.zeros((size, size) if device.type != "cpu" else (0, 0), dtype=torch.float64, device=device)
 
     def add(self, rows: Array) -> None:
         """Add BᵀB of some rows (b, n)."""
         if self._device.type == "cpu":
-            self._half = dsyrk(1.0, rows.T, beta=1.0, c=self._half, overwrite_c=True)
+            add_symmetric_product(np.ascontiguousarray(rows), self._half)
         else:
             there = torch.from_numpy(rows).to(self._device)
             self._whole += there.T @ there
@@ -49,21 +51,24 @@ class Products:
         return np.asarray(upper + np.triu(upper, 1).T)
 
 
-def gram_groups(tiles: Iterable[_Rows], size: int, groups: int, rows_per_particle: int, device: torch.device) -> Array:
-    """(W - w₀)ᵀ(W - w₀) split over groups of particles, (groups, N_t, N_t); w₀ is the first snapshot.
+def gram_groups(
+    tiles: Iterable[_Rows], size: int, groups: int, rows_per_particle: int, device: torch.device
+) -> tuple[Array, float]:
+    """(W - w₀)ᵀ(W - w₀) split over groups of particles, (groups, N_t, N_t), and ‖w₀‖²; w₀ is the first snapshot.
 
     Particle i belongs to group i mod groups. The sum over groups is the Gram matrix; tiles are added in fixed
     order, so the result is reproducible. size: N_t.
     """
-    totals = [Products(size, device) for _ in range(groups)]
+    totals, still = [Products(size, device) for _ in range(groups)], 0.0
     for tile in tiles:
+        still += float(tile.first @ tile.first)
         if groups == 1:
             totals[0].add(tile.motion)
         else:
             group = np.arange(tile.rows.start, tile.rows.stop) // rows_per_particle % groups
             for g, total in enumerate(totals):
                 total.add(tile.motion[group == g])
-    return np.stack([total.total() for total in totals])
+    return np.stack([total.total() for total in totals]), still
 
 
 def centred_pairs(gram: Array) -> Array:

@@ -1,19 +1,20 @@
 """Modes from eigenvectors of the inner products, made orthonormal to rounding, with their signs fixed."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 import torch
-from scipy.linalg.blas import dtrmm
 from scipy.linalg.lapack import dtrtri
 
+from pod.blas import add_symmetric_product, multiply_by_triangle_
 from pod.gram import Array, Products
 from pod.ranks import Ranks
 from pod.snapshots import TILE_VALUES, SnapshotMatrix
 from pod.workers import Tile, in_parallel, sum_of, workers_for
 
-ORTHOGONAL = 1e-14  # entries of φᵀφ - 1 that rounding alone explains
+ORTHOGONAL = 1e-13  # ‖φᵀφ - 1‖_F that needs no mending
+PROBES = 4  # random vectors that it is estimated from
 REPAIRABLE = 0.1  # entries of φᵀφ - 1 up to which a Cholesky factor mends the modes
 CPU = torch.device("cpu")
 
@@ -23,14 +24,14 @@ class Modes(NamedTuple):
 
     mean: Array  # (rows,) W̄
     modes: Array  # (rows, p)
-    orthogonality: float  # largest entry of φᵀφ - 1 over all rows, measured
+    orthogonality: float  # ‖φᵀφ - 1‖_F over all rows, measured
 
 
 def modes_of(matrix: SnapshotMatrix, vectors: Array, average: Array | None = None) -> Modes:
     """φ = (W - w₀) v / σ by one pass over the rows, orthonormal, signs fixed; fewer where some cannot be.
 
-    vectors: (N_t, p) v / σ, orthogonal to ones, so that W̃ v is (W - w₀) v; average: (N_t,) weights of the snapshots in
-    the mean, default the same for all.
+    vectors: (N_t, p) v / σ, orthogonal to ones, so that W̃ v is (W - w₀) v, and W v where positions are near; average:
+    (N_t,) weights of the snapshots in the mean, default the same for all.
     """
     n, p = matrix.own.stop - matrix.own.start, vectors.shape[1]
     mean, modes = np.empty(n), np.empty((n, p))
@@ -47,11 +48,12 @@ def modes_of(matrix: SnapshotMatrix, vectors: Array, average: Array | None = Non
             else:
                 modes[rows] = (torch.from_numpy(tile.motion).to(matrix.device) @ weights).cpu().numpy()
             inner.add(modes[rows])
-            np.maximum(ends[0], modes[rows].max(axis=0), out=ends[0])
-            np.maximum(ends[1], -modes[rows].min(axis=0), out=ends[1])
+            across = np.ascontiguousarray(modes[rows].T)  # numpy reduces along the last axis much faster
+            np.maximum(ends[0], across.max(axis=1), out=ends[0])
+            np.maximum(ends[1], -across.min(axis=1), out=ends[1])
         return inner.total(), ends
 
-    parts = matrix.each(work)
+    parts = matrix.each(work, as_they_are=matrix.near and average is None)
     ends = matrix.ranks.largest(np.max([part[1] for part in parts], axis=0))
     signs = np.where(ends[1] > ends[0], -1.0, 1.0)
     modes, off = orthonormal(modes, matrix.summed(sum_of([part[0] for part in parts])), signs, matrix.ranks)
@@ -66,38 +68,47 @@ def orthonormal(modes: Array, inner: Array, signs: Array, ranks: Ranks) -> tuple
     """Orthonormalise the modes (rows, p) in place and turn them by their signs (p,); return those that could be.
 
     inner: φᵀφ over all rows. Modes of small eigenvalues lose orthogonality like ε λ₁/λ. φ <- φ L⁻ᵀ with LLᵀ = φᵀφ,
-    repeated: the first modes, the most accurate, change least. Where φᵀφ is further than 0.1 from the identity there
-    is no mode to mend. Also returned: the largest entry of φᵀφ - 1 afterwards.
+    repeated if need be: the first modes, the most accurate, change least. Where φᵀφ is further than 0.1 from the
+    identity there is no mode to mend. Also returned: ‖φᵀφ - 1‖_F, afterwards estimated from four random vectors.
     """
     far = np.abs(inner - np.eye(len(inner))) > REPAIRABLE
     p = next((i for i in range(len(inner)) if far[i, : i + 1].any()), len(inner))
     modes = modes if p == modes.shape[1] else np.ascontiguousarray(modes[:, :p])
     inner, turn = inner[:p, :p], signs[:p]
-    for _ in range(3):
-        if _distance(inner) <= ORTHOGONAL and (turn > 0.0).all():
+    off = float(np.linalg.norm(inner - np.eye(p)))
+    for again in range(3):
+        if off <= ORTHOGONAL and (turn > 0.0).all():
             break
+        if again:
+            inner = ranks.summed(_over_tiles(modes, add_symmetric_product, p))
+            inner = np.triu(inner) + np.triu(inner, 1).T
         inverse = dtrtri(np.linalg.cholesky(inner), lower=1)[0]
-        inner = ranks.summed(_mended_(modes, turn[:, None] * inverse))
+        off = _mended_(modes, np.ascontiguousarray((turn[:, None] * inverse).T), ranks)
         turn = np.ones(p)
-    return modes, _distance(inner)
+    return modes, off
 
 
-def _mended_(modes: Array, factor: Array) -> Array:
-    """φ <- φ Fᵀ in place with a lower triangle F (p, p); returns φᵀφ."""
+def _mended_(modes: Array, factor: Array, ranks: Ranks) -> float:
+    """φ <- φ F in place with an upper triangle F (p, p); returns ‖φᵀφ - 1‖_F, which is E ‖(φᵀφ - 1) z‖."""
+    probes = np.random.default_rng(0).standard_normal((modes.shape[1], PROBES))
+
+    def mend(rows: Array, total: Array) -> None:
+        multiply_by_triangle_(rows, factor)
+        total += rows.T @ (rows @ probes)
+
+    seen = ranks.summed(_over_tiles(modes, mend, PROBES))
+    return float(np.linalg.norm(seen - probes) / np.sqrt(PROBES))
+
+
+def _over_tiles(modes: Array, work: Callable[[Array, Array], None], columns: int) -> Array:
+    """Add up, over tiles of the modes, what a piece of work adds to (p, columns)."""
     height = max(TILE_VALUES // max(modes.shape[1], 1), 1)
-    starts = range(0, len(modes), height)
+    starts, workers = range(0, len(modes), height), workers_for(len(modes), height)
 
-    def work(worker: int) -> Array:
-        inner = Products(modes.shape[1], CPU)
+    def one(worker: int) -> Array:
+        total = np.zeros((modes.shape[1], columns))
         for low in starts[worker::workers]:
-            rows = modes[low : low + height]
-            dtrmm(1.0, factor, rows.T, lower=1, overwrite_b=1)
-            inner.add(rows)
-        return inner.total()
+            work(modes[low : low + height], total)
+        return total
 
-    workers = workers_for(len(modes), height)
-    return sum_of(in_parallel(work, workers))
-
-
-def _distance(inner: Array) -> float:
-    return float(np.abs(inner - np.eye(len(inner))).max(initial=0.0))
+    return sum_of(in_parallel(one, workers))

@@ -15,7 +15,8 @@ from pod.ranks import ALONE, Ranks
 from pod.workers import Tile, in_parallel, sum_of, workers_for
 
 BLOCK_VALUES = 8 * 2**20  # that are read at once: 64 MiB of doubles, small beside any run
-TILE_VALUES = 2**17  # that are computed with at once: 1 MiB, which stays in the cache of a core
+TILE_VALUES = 2**18  # that are computed with at once: 2 MiB, which stay in the cache
+NEAR = 8.0  # positions over motion, both rms, up to which a sum over positions loses less than a digit of the motion
 T = TypeVar("T")
 SQUARES_FIT = (1e-290, 1e290)  # energies outside have lost digits, or overflow soon
 
@@ -72,6 +73,7 @@ class SnapshotMatrix:
         self.device = compute_device(device)
         self.ranks, self.own = ranks, ranks.share(self.shape[0], self.rows_per_particle)
         self.weights = None if weights is None else _checked_weights(weights, self.shape[0])
+        self.near = False  # whether positions are known to be no more than some times the motion
 
     @property
     def total_weight(self) -> float:
@@ -101,25 +103,29 @@ class SnapshotMatrix:
                 raise _not_finite(start, block)
             yield block
 
-    def each(self, work: Callable[[Iterator[Tile]], T]) -> list[T]:
+    def each(self, work: Callable[[Iterator[Tile]], T], as_they_are: bool = False) -> list[T]:
         """Results of a piece of work done by every thread on its share of the tiles of this process's rows.
 
-        A value that is not finite goes through, into all that is summed from it.
+        A value that is not finite goes through, into all that is summed from it. as_they_are: tiles may be about the
+        origin instead of the first snapshot, where that spares a copy.
         """
         workers = 1 if self.device.type != "cpu" else workers_for(self.own.stop - self.own.start, self._height)
-        return in_parallel(lambda worker: work(self._tiles(worker, workers)), workers)
+        return in_parallel(lambda worker: work(self._tiles(worker, workers, as_they_are)), workers)
 
     @property
     def _height(self) -> int:
         return min(max(TILE_VALUES // self.shape[1], 1), self.block_rows)
 
-    def _tiles(self, worker: int, workers: int) -> Iterator[Tile]:
+    def _tiles(self, worker: int, workers: int, as_they_are: bool) -> Iterator[Tile]:
         motion = np.empty((self._height, self.shape[1]))
         for start, block in self._read(worker, workers):
             for low in range(0, len(block), self._height):
                 values = block[low : low + self._height]
                 rows = slice(start + low, start + low + len(values))
-                yield self._tile(rows, values, motion[: len(values)])
+                if as_they_are and self.weights is None and values.dtype == np.float64 and values.flags.c_contiguous:
+                    yield Tile(rows, values, np.zeros(len(values)))
+                else:
+                    yield self._tile(rows, values, motion[: len(values)])
 
     def _tile(self, rows: slice, values: NDArray[Any], motion: Array) -> Tile:
         first = values[:, 0].astype(np.float64)
@@ -166,8 +172,11 @@ class SnapshotMatrix:
 
     def _own_groups(self, groups: int) -> Array:
         size, together, device = self.shape[1], self.rows_per_particle, self.device
-        found = sum_of(self.each(lambda tiles: gram_groups(tiles, size, groups, together, device)))
-        self.check_energy(np.einsum("gtt->t", found))
+        parts = self.each(lambda tiles: gram_groups(tiles, size, groups, together, device))
+        found, still = sum_of([part[0] for part in parts]), sum(part[1] for part in parts)
+        squares = np.einsum("gtt->t", found)
+        self.check_energy(squares)
+        self.near = still <= NEAR**2 * float(squares.mean())
         return found
 
     def summed(self, values: Array) -> Array:
