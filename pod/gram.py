@@ -61,7 +61,8 @@ def gram_groups(
     """
     totals, still = [Products(size, device) for _ in range(groups)], 0.0
     for tile in tiles:
-        still += float(tile.first @ tile.first)
+        with np.errstate(over="ignore", invalid="ignore"):  # check_energy() says where they come from
+            still += float(tile.first @ tile.first)
         if groups == 1:
             totals[0].add(tile.motion)
         else:
