@@ -9,10 +9,10 @@ ROUTES = ("gram", "block", "svd")
 BLOCK = 32  # vectors that block Lanczos multiplies by in one reading of the rows
 GRAM_BYTES = 2 * 2**30  # of two Gram matrices, that of the snapshots and a copy: more is not formed unless asked for
 DENSE_BYTES = 2**29  # of a matrix that is decomposed as it is
-LEAD = 2.0  # vectors of the Krylov space for every mode wanted, and a block
+LEAD = 128  # vectors of the Krylov space beyond the modes wanted, as benchmarks/pod_vs_peers.py --break-even found
 # rates of a common core, of which only ratios count: flop/s of products, bytes/s of memory and of a disk
 FLOPS, MEMORY, DISK = 25e9, 8e9, 1e9
-SKINNY = 0.6  # of FLOPS that a product with a block of vectors reaches
+SKINNY = 0.4  # of FLOPS that a product with a block of vectors reaches, measured there too
 
 
 class Problem(NamedTuple):
@@ -36,7 +36,7 @@ def choose_route(problem: Problem, asked: str | None = None) -> Choice:
     """Route of least estimated seconds, or the one asked for. Raises InputError for a route that there is not.
 
     Gram: rows N_t² flop once, then Lanczos on N_t × N_t numbers. Block Lanczos: 4 rows N_t b flop and one reading a
-    step of b vectors, about 2p + b vectors in all. Where rows are no more than snapshots the matrix itself is small.
+    step of b vectors, about p + 128 vectors in all. Where rows are no more than snapshots the matrix itself is small.
     """
     if asked is not None:
         if asked not in ROUTES:
@@ -71,7 +71,7 @@ def block_seconds(p: Problem) -> float:
 
 def _vectors(p: Problem) -> int:
     """Vectors that the Krylov space is expected to need; all, where the number of modes is not known."""
-    return p.snapshots if p.modes is None else int(LEAD * p.modes) + BLOCK
+    return p.snapshots if p.modes is None else p.modes + LEAD
 
 
 def _reading(p: Problem) -> float:
