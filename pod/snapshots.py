@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
 from pod.errors import InputError
-from pod.gram import Array, centred_pairs, compute_device, gram_groups
+from pod.gram import Array, compute_device, gram_groups
 from pod.ranks import ALONE, Ranks
 from pod.workers import Tile, in_parallel, sum_of, workers_for
 
@@ -188,6 +188,8 @@ class SnapshotMatrix:
         lead = V - V.mean(dim=0)
 
         def own(tiles: Iterator[Tile]) -> Array:
+            if self.device.type == "cpu":  # torch's products would start threads of their own in each of ours
+                return _products(tiles, lead.numpy())
             total = torch.zeros_like(lead)
             for tile in tiles:
                 rows = torch.from_numpy(tile.motion).to(self.device)
@@ -230,9 +232,11 @@ class SnapshotMatrix:
             )
 
 
-def centred_gram(matrix: SnapshotMatrix) -> Array:
-    """W̃ᵀW̃, (N_t, N_t), about the mean of the snapshots."""
-    return centred_pairs(matrix.gram())
+def _products(tiles: Iterator[Tile], vectors: Array) -> Array:
+    total = np.zeros_like(vectors)
+    for tile in tiles:
+        total += tile.motion.T @ (tile.motion @ vectors)
+    return total
 
 
 def _checked_weights(weights: ArrayLike, rows: int) -> Array:
