@@ -135,15 +135,16 @@ def scipy_svds(W, p, solver):
     return solve
 
 
-def pymor(W, p):
+def pymor(W, p, raw=False):
     from pymor.algorithms.pod import pod
     from pymor.core.logger import set_log_levels
     from pymor.vectorarrays.numpy import NumpyVectorSpace
 
     set_log_levels({"pymor": "ERROR"})
-    A = NumpyVectorSpace.from_numpy(np.asfortranarray(centred(W)))
+    best = None if raw else np.asfortranarray(centred(W))
 
     def solve():
+        A = NumpyVectorSpace.from_numpy(centred(W) if raw else best)
         modes, sigma = pod(A, modes=p, method="method_of_snapshots")
         return modes.to_numpy(), sigma
 
@@ -197,6 +198,7 @@ METHODS = {
     "bare": Method(bare_gram, "bare Gram, centred before", "scipy"),
     "bare-algebra": Method(partial(bare_gram, by_algebra=True), "bare Gram, centred by algebra", "scipy"),
     "pymor": Method(pymor, "pod(A, modes=p)", "pymor"),
+    "pymor-raw": Method(partial(pymor, raw=True), "pod(W - mean, modes=p)", "pymor"),
     "torch-gram": Method(torch_gram, "X.T @ X, linalg.eigh", "torch"),
     "flowtorch": Method(flowtorch, "SVD(X, rank=p)", "flowtorch-fluid"),
     "ezyrb-correlation": Method(partial(ezyrb, method="correlation_matrix"), 'POD("correlation_matrix", p)', "ezyrb"),
