@@ -405,6 +405,7 @@ def test_ctrl_c_is_said_in_a_sentence(beads):
     Path("scene.toml").write_text(beads)
     command = (
         "import signal, suffice.simulating as s, suffice.__main__ as m\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a shell's background job ignores it
         "s.simulate_to = lambda *a, **b: signal.raise_signal(signal.SIGINT)\n"
         "m.main()"
     )
