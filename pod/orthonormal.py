@@ -43,10 +43,11 @@ def modes_of(matrix: SnapshotMatrix, vectors: Array, average: Array | None = Non
         for tile in tiles:
             rows = slice(tile.rows.start - matrix.own.start, tile.rows.stop - matrix.own.start)
             mean[rows] = tile.first + tile.motion @ even
+            motion, made = torch.from_numpy(tile.motion), torch.from_numpy(modes[rows])
             if matrix.device.type == "cpu":
-                np.matmul(tile.motion, vectors, out=modes[rows])
+                torch.mm(motion, weights, out=made)
             else:
-                modes[rows] = (torch.from_numpy(tile.motion).to(matrix.device) @ weights).cpu().numpy()
+                made.copy_(motion.to(matrix.device) @ weights)
             inner.add(modes[rows])
             across = np.ascontiguousarray(modes[rows].T)  # numpy reduces along the last axis much faster
             np.maximum(ends[0], across.max(axis=1), out=ends[0])
@@ -102,7 +103,7 @@ def _mended_(modes: Array, factor: Array, ranks: Ranks) -> float:
 
 def _over_tiles(modes: Array, work: Callable[[Array, Array], None], columns: int) -> Array:
     """Add up, over tiles of the modes, what a piece of work adds to (p, columns)."""
-    height = max(TILE_VALUES // max(modes.shape[1], 1), 1)
+    height = max(TILE_VALUES // 4 // max(modes.shape[1], 1), 1)  # they are read and written
     starts, workers = range(0, len(modes), height), workers_for(len(modes), height)
 
     def one(worker: int) -> Array:

@@ -12,7 +12,7 @@ DENSE_BYTES = 2**29  # of a matrix that is decomposed as it is
 LEAD = 128  # vectors of the Krylov space beyond the modes wanted, as benchmarks/pod_vs_peers.py --break-even found
 # rates of a common core, of which only ratios count: flop/s of products, bytes/s of memory and of a disk
 FLOPS, MEMORY, DISK = 25e9, 8e9, 1e9
-SKINNY = 0.4  # of FLOPS that a product with a block of vectors reaches, measured there too
+SKINNY = 0.5  # of FLOPS that a product with a block of vectors reaches, measured there too
 
 
 class Problem(NamedTuple):

@@ -15,7 +15,7 @@ from pod.ranks import ALONE, Ranks
 from pod.workers import Tile, in_parallel, sum_of, workers_for
 
 BLOCK_VALUES = 8 * 2**20  # that are read at once: 64 MiB of doubles, small beside any run
-TILE_VALUES = 2**18  # that are computed with at once: 2 MiB, which stay in the cache
+TILE_VALUES = 2**19  # that are computed with at once: 4 MiB, of which most stay in the cache
 NEAR = 8.0  # positions over motion, both rms, up to which a sum over positions loses less than a digit of the motion
 T = TypeVar("T")
 SQUARES_FIT = (1e-290, 1e290)  # energies outside have lost digits, or overflow soon
@@ -122,7 +122,7 @@ class SnapshotMatrix:
             for low in range(0, len(block), self._height):
                 values = block[low : low + self._height]
                 rows = slice(start + low, start + low + len(values))
-                if as_they_are and self.weights is None and values.dtype == np.float64 and values.flags.c_contiguous:
+                if as_they_are and self.weights is None and values.dtype == np.float64 and values.flags.carray:
                     yield Tile(rows, values, np.zeros(len(values)))
                 else:
                     yield self._tile(rows, values, motion[: len(values)])
@@ -188,12 +188,10 @@ class SnapshotMatrix:
         lead = V - V.mean(dim=0)
 
         def own(tiles: Iterator[Tile]) -> Array:
-            if self.device.type == "cpu":  # torch's products would start threads of their own in each of ours
-                return _products(tiles, lead.numpy())
             total = torch.zeros_like(lead)
             for tile in tiles:
                 rows = torch.from_numpy(tile.motion).to(self.device)
-                total += rows.T @ (rows @ lead)
+                total.addmm_(rows.T, rows @ lead)
             return np.asarray(total.cpu().numpy())
 
         total = torch.from_numpy(self.summed(sum_of(self.each(own)))).to(self.device)
@@ -230,13 +228,6 @@ class SnapshotMatrix:
                 f"snapshots: they move by {moved:.3g}, whose square a double cannot hold; choose a unit in which they "
                 "move by 1e-140 to 1e140"
             )
-
-
-def _products(tiles: Iterator[Tile], vectors: Array) -> Array:
-    total = np.zeros_like(vectors)
-    for tile in tiles:
-        total += tile.motion.T @ (tile.motion @ vectors)
-    return total
 
 
 def _checked_weights(weights: ArrayLike, rows: int) -> Array:

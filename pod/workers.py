@@ -31,11 +31,14 @@ def in_parallel(work: Callable[[int], T], workers: int) -> list[T]:
     """Results of work(0) … work(workers - 1), one thread for each, the products of each on its share of the cores."""
     if workers == 1:
         return [work(0)]
-    with (
-        _libraries().limit(limits=max(1, torch.get_num_threads() // workers), user_api="blas"),
-        ThreadPoolExecutor(workers) as pool,
-    ):
-        return list(pool.map(work, range(workers)))
+    cores = torch.get_num_threads()
+    share = max(1, cores // workers)
+    with _libraries().limit(limits=share, user_api="blas"), ThreadPoolExecutor(workers) as pool:
+        torch.set_num_threads(share)  # which each new thread asks for at its first product
+        try:
+            return list(pool.map(work, range(workers)))
+        finally:
+            torch.set_num_threads(cores)
 
 
 def sum_of(parts: Sequence[Array]) -> Array:
