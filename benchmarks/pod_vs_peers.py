@@ -82,7 +82,10 @@ DECKS = [
 def turn(name, deck, judge):
     """One turn of a method in a fresh process: what it found, or the reason why it found nothing."""
     task = [sys.executable, __file__, "--turn", name, *deck, *["judge"] * judge]
-    done = subprocess.run([str(x) for x in task], capture_output=True, text=True, check=False)
+    ours = os.pathsep.join([str(Path(__file__).parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])])
+    done = subprocess.run(
+        [str(x) for x in task], capture_output=True, text=True, check=False, env={**os.environ, "PYTHONPATH": ours}
+    )
     if done.returncode:
         return {"absent": (done.stderr.strip().splitlines() or [f"ended by {done.returncode}"])[-1]}
     return json.loads(done.stdout.splitlines()[-1])
