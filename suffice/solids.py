@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.kernel import threads_for
 from sim.motion import Bodies, move_bodies
 from sim.near_walls import count_near_walls
 from sim.surface import beyond_shells
@@ -14,6 +15,7 @@ from suffice.swept import distance_from
 Array = NDArray[np.float64]
 MOST_BINS = 20
 SAMPLES = 60_000  # points at which a free volume is looked for: some 3000 in a bin
+POINTS_PER_THREAD = 20_000  # below which handing work over to another thread costs more than it saves
 
 
 class Profile(NamedTuple):
@@ -72,7 +74,8 @@ def free_volumes(bins: Bins, walls: Bodies | None, time: float) -> Array:
 def wall_distances(points: Array, walls: Bodies, time: float) -> Array:
     """Least distance φ of each point (n, 3) m to the walls where they stand at a time (s), (n,) m; negative within."""
     move_bodies(walls, time)
-    _, least = count_near_walls(np.ascontiguousarray(points), np.zeros(len(points)), walls, 0.0)
+    with threads_for(len(points) // POINTS_PER_THREAD):
+        _, least = count_near_walls(np.ascontiguousarray(points), np.zeros(len(points)), walls, 0.0)
     return least
 
 

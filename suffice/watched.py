@@ -23,7 +23,7 @@ from suffice.observables import (
     room_at,
     watch_of,
 )
-from suffice.reconstruction import Case, Reduced, reduce
+from suffice.reconstruction import BLOCK_VALUES, Case, Reduced, reduce
 from suffice.refusal import Refusal
 from suffice.run import Run
 from suffice.solids import Profile
@@ -171,7 +171,8 @@ def _moment(run: Run, watch: Watch, k: int) -> Moment:
 def _predictions(name: str, case: Case, reduced: Reduced, seed: int) -> Iterator[tuple[int | None, Prediction]]:
     """Each way of using a surrogate: its number of modes, and what it gives at snapshot k."""
     if name != FLOOR and SURROGATES[name].raw:
-        yield None, _moving(_raw(name, case, seed).predict, case)
+        stored = _raw(name, case, seed)
+        yield None, _moving(lambda k: stored.predict(_around(case, k)), case)
         return
     full = reduced.basis.modes.shape[1]
     for n in sorted({reduced.basis.n_lr or full, full}):
@@ -182,7 +183,10 @@ def _modal(name: str, case: Case, reduced: Reduced, n: int, seed: int) -> Predic
     rates = None if reduced.rates is None else reduced.rates[:, :n]
     known = reduced.coefficients[case.training, :n]
     surrogate = with_seed(name, seed).fit(case.times[case.training], known, rates)
-    return _moving(lambda times: reduced.basis.reconstruct(surrogate.predict(times)).T, case)
+    # asked once for all times: what is rolled out is rolled out once
+    asked = np.concatenate([_around(case, k) for k in case.unseen])
+    found = dict(zip(case.unseen.tolist(), surrogate.predict(asked).reshape(-1, 3, n), strict=True))
+    return _moving(lambda k: reduced.basis.reconstruct(found[k]).T, case)
 
 
 def _raw(name: str, case: Case, seed: int) -> Surrogate:
@@ -193,23 +197,23 @@ def _raw(name: str, case: Case, seed: int) -> Surrogate:
 
 def _columns(source: Any, which: NDArray[np.intp]) -> NDArray[Any]:
     """Return some of the snapshots in full, (len(which), 3n), in the stored precision."""
-    blocks = [block[:, which].T for block in _blocks(source)]
+    rows, snapshots = source.shape
+    step = max(BLOCK_VALUES // snapshots, 1)
+    blocks = [source[start : min(start + step, rows)][:, which].T for start in range(0, rows, step)]
     return np.ascontiguousarray(np.concatenate(blocks, axis=1))
 
 
-def _blocks(source: Any) -> Iterator[NDArray[Any]]:
-    rows, snapshots = source.shape
-    step = max(2**22 // snapshots, 1)
-    return (source[start : min(start + step, rows)] for start in range(0, rows, step))
+def _around(case: Case, k: int) -> Array:
+    """Time of snapshot k, with one a little before and one after, (3,) s."""
+    return np.asarray(case.times[k] + STEP * dense_interval(case.times) * np.array([-1.0, 0.0, 1.0]))
 
 
-def _moving(at: Callable[[Array], Array], case: Case) -> Prediction:
-    """Positions at a snapshot's time and the velocities with which they move; `at` gives (times, 3n) m."""
-    delta = STEP * dense_interval(case.times)
+def _moving(at: Callable[[int], Array], case: Case) -> Prediction:
+    """Positions at snapshot k and the velocities with which they move; `at` gives (3, 3n) m at the times around it."""
 
     def predict(k: int) -> tuple[Array, Array]:
-        before, now, after = at(case.times[k] + delta * np.array([-1.0, 0.0, 1.0]))
-        return now.reshape(-1, 3), ((after - before) / (2.0 * delta)).reshape(-1, 3)
+        (before, now, after), (first, _, last) = at(k), _around(case, k)
+        return now.reshape(-1, 3), ((after - before) / (last - first)).reshape(-1, 3)
 
     return predict
 

@@ -23,8 +23,8 @@ def winners(rows: Iterable[Row], networks: Collection[str] = NETWORKS) -> list[d
 
     Each entry has `variable`, `interval` (s), `levels` (one per number of modes: `modes`, `winner`, who is `tied` with
     it, the `next`, and `by` what part that errs more), `raw`, the best baseline without a model, `raw_wins`, whether it
-    beats every model, `raw_by`, by what part of the best model's error, `behind`, the networks that a rival beats, and
-    the `sentence` that says all this.
+    beats every model, `raw_by`, what part more than the best of them it errs (negative: less), `behind`, the networks
+    that a rival beats, and the `sentence` that says all this.
     """
     places: dict[tuple[str, float], list[Row]] = {}
     for row in rows:
@@ -66,7 +66,7 @@ def _place(variable: str, interval: float, rows: Sequence[Row], networks: Collec
         "levels": levels,
         "raw": None if raw is None else raw["surrogate"],
         "raw_wins": raw_wins,
-        "raw_by": 1.0 - error_of(raw) / error_of(best) if raw_wins and raw and best else None,
+        "raw_by": error_of(raw) / error_of(best) - 1.0 if raw and best and error_of(best) else None,
         "behind": _behind(rows, networks),
     }
     return {**found, "sentence": _sentence(found, best)}
@@ -120,7 +120,7 @@ def _sentence(found: Mapping[str, Any], best: Row | None) -> str:
     parts = [_said(level) for level in found["levels"]]
     if found["raw_wins"] and best is not None:
         parts.append(
-            f"no model wins here: {found['raw']}, without any, errs {found['raw_by']:.0%} less than the best of them, "
+            f"no model wins here: {found['raw']}, without any, errs {-found['raw_by']:.0%} less than the best of them, "
             f"{best['surrogate']} on {best['modes']} modes"
         )
     parts += _said_of(found["behind"])

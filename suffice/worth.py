@@ -5,7 +5,7 @@ from typing import Any
 
 from suffice.plots import COLOURS, QUIET, Figure
 from suffice.section import Section
-from suffice.winners import winners
+from suffice.winners import EQUAL, winners
 from suffice.wording import escape, finite, number, seconds_text
 
 SHORT = {  # heads of columns; the full text is in their titles
@@ -35,7 +35,8 @@ def winners_section(results: Mapping[str, Any]) -> Section | None:
     items = "".join(f"<li>{escape(entry['sentence'])}</li>" for entry in found)
     text = (
         "The surrogate of the same number of modes that errs least between the snapshots, and how much more the next "
-        "one errs. What differs by less than 1 %, or than the spread over seeds, is a tie."
+        "one errs; the best baseline without modes is held against the best surrogate, and wins where it is bold. What "
+        "differs by less than 1 %, or than the spread over seeds, is a tie."
     )
     below = f'<details><summary>In sentences</summary><ul class="verdicts">{items}</ul></details>'
     table = f'<div class="scroll"><table class="plain">{head}{body}</table></div>'
@@ -45,13 +46,15 @@ def winners_section(results: Mapping[str, Any]) -> Section | None:
 def _winner_row(entry: Mapping[str, Any]) -> str:
     levels = entry["levels"]
     least, most = (levels[0], levels[-1]) if levels else (None, None)
-    raw = escape(str(entry["raw"] or "–"))
-    raw = (
-        f"<b>{raw}</b>, errs {entry['raw_by']:.0%} less than any model" if entry["raw_wins"] else f"{raw} beats not all"
-    )
-    cells = (_level_cell(least if len(levels) > 1 else None), _level_cell(most), raw if entry["raw"] else "–")
+    cells = (_level_cell(least if len(levels) > 1 else None), _level_cell(most), _raw_cell(entry))
     shown = "".join(f"<td>{cell}</td>" for cell in cells)
     return f"<tr><td>{escape(str(entry['variable']))}</td><td>{seconds_text(entry['interval'])}</td>{shown}</tr>"
+
+
+def _raw_cell(entry: Mapping[str, Any]) -> str:
+    name = escape(str(entry["raw"] or "–"))
+    against = "" if entry["raw_by"] is None else f" {100 * entry['raw_by']:+.3g} %"
+    return f"<b>{name}</b>{against}" if entry["raw_wins"] else f"{name}{against}"
 
 
 def _level_cell(level: Mapping[str, Any] | None) -> str:
@@ -84,7 +87,7 @@ def observables_section(results: Mapping[str, Any]) -> Section | None:
         "Whole snapshots between those kept, put together from all three components, and what can be measured in them; "
         "means over the unseen times. Overlaps: what the surrogate adds to the truth's. Others: size of the error, "
         "with a sign where it is always the same. <i>projection</i>: the truth itself on these modes, the best that "
-        "any surrogate of them can know. Bold: the least error of a surrogate."
+        "any surrogate of them can know. Bold: the least error of a surrogate, and what is within 1 % of it."
     )
     tables = "".join(_table(answer) for answer in answers)
     return Section(
@@ -92,12 +95,12 @@ def observables_section(results: Mapping[str, Any]) -> Section | None:
     )
 
 
-def shown_error(row: Mapping[str, Any], name: str, what: Mapping[str, Any]) -> str:
+def shown_error(row: Mapping[str, Any], name: str, what: Mapping[str, Any], digits: int = 3) -> str:
     """Write one error: what a surrogate creates with its sign, another's sign only where it is always the same."""
     size, bias = finite(row["errors"].get(name)), finite(row["bias"].get(name))
     if bias is not None and (what["error"] == "created" or abs(bias) > 0.99 * (size or 0.0)):
-        return f"{bias:+.3g}" if bias else "0"
-    return number(size)
+        return f"{bias:+.{digits}g}" if bias else "0"
+    return number(size, digits)
 
 
 def ranked_error(row: Mapping[str, Any], name: str, what: Mapping[str, Any]) -> float | None:
@@ -116,7 +119,7 @@ def _table(answer: Mapping[str, Any]) -> str:
     described, rows = answer["observables"], answer["rows"]
     heads = heads_of(answer)
     head = "".join(
-        f'<th class="number" title="{escape(described[name]["text"])}">{"<br>".join(map(escape, _halves(text)))}</th>'
+        f'<th class="number" title="{escape(_title(described[name]))}">{"<br>".join(map(escape, _lines(text)))}</th>'
         for name, text in heads.items()
     )
     truth = "".join(f'<td class="number">{number(what["truth"])}</td>' for what in described.values())
@@ -131,12 +134,15 @@ def _table(answer: Mapping[str, Any]) -> str:
     )
 
 
-def _halves(text: str) -> list[str]:
-    """Break a head before its last word or unit, for a narrow column."""
-    first, _, unit = text.partition(" (")
-    words = first.rpartition(" ")
-    lines = [part for part in (words[0], words[2]) if part]
-    return [*lines[:-1], f"{lines[-1]} ({unit}"] if unit else lines
+def _title(what: Mapping[str, Any]) -> str:
+    return what["text"] if what["unit"] == what["error_unit"] else f"{what['text']}; the truth in {what['unit']}"
+
+
+def _lines(text: str) -> list[str]:
+    """Break a head into its words and its unit, for a narrow column."""
+    words, _, unit = text.partition(" (")
+    first, _, last = words.rpartition(" ")
+    return [*filter(None, (first, last)), *([f"({unit}"] if unit else [])]
 
 
 def _least(rows: Iterable[Mapping[str, Any]], name: str, what: Mapping[str, Any]) -> float | None:
@@ -149,8 +155,9 @@ def _table_row(row: Mapping[str, Any], described: Mapping[str, Any], best: Mappi
     rmse = row["rmse_diameters"] if row["rmse_diameters"] is not None else row["rmse"]
     cells = []
     for name, what in described.items():
-        text = shown_error(row, name, what)
-        first = not floor and best[name] is not None and ranked_error(row, name, what) == best[name]
+        text = shown_error(row, name, what, digits=2)
+        size, least = ranked_error(row, name, what), best[name]
+        first = not floor and size is not None and least is not None and size <= least * (1.0 + EQUAL)
         cells.append(f'<td class="number">{f"<b>{text}</b>" if first else text}</td>')
     name = escape(str(row["surrogate"]))
     modes = "–" if row["modes"] is None else str(row["modes"])
@@ -187,7 +194,7 @@ def _dots_figure(answer: Mapping[str, Any], name: str, what: Mapping[str, Any]) 
     data = []
     for i, modes in enumerate([*sorted(levels, reverse=True), None]):
         label, symbol = labels.get(modes, ("n<sub>lr</sub> modes", "circle-open"))
-        own = [row for row in answer["rows"] if row["modes"] == modes and (row["errors"].get(name) or 0.0) > 0.0]
+        own = [row for row in answer["rows"] if row["modes"] == modes and row["errors"].get(name) is not None]
         mark = {"size": 10, "symbol": symbol, "color": COLOURS[i], "line": {"width": 2, "color": COLOURS[i]}}
         data.append(
             {
@@ -202,7 +209,7 @@ def _dots_figure(answer: Mapping[str, Any], name: str, what: Mapping[str, Any]) 
         )
     names = list(dict.fromkeys(escape(str(row["surrogate"])) for row in answer["rows"]))
     unit = f" ({escape(what['error_unit'])})" if what["error_unit"] != "1" else ""
-    axis = {"title": {"text": f"error{unit}"}, "type": "log", "tickformat": ".2~g", "dtick": "D2"}
+    axis = {"title": {"text": f"size of the error{unit}"}, "type": "linear", "rangemode": "tozero"}
     order = {
         "type": "category",
         "categoryorder": "array",
@@ -235,6 +242,7 @@ def _profile_figure(answer: Mapping[str, Any], name: str) -> Figure:
                 "y": [None if a is None or b is None else a - b for a, b in known],
                 "line": line,
                 "visible": "legendonly" if few else True,
+                "legendrank": 2000 if few else 1000,
             }
         )
     where = {"height": "height", "axis": "place along the axis", "radius": "distance from the axis"}[name.split(".")[1]]

@@ -193,15 +193,16 @@ def test_without_radii_what_needs_them_is_left_out_with_the_remedy(tmp_path):
     assert "no velocities" in watch.left_out["kinetic_energy"]
 
 
-def test_a_uniform_column_is_as_high_as_twice_its_centre_of_mass(tmp_path):
+def test_a_column_is_as_high_as_the_centres_of_99_of_100_beads(tmp_path):
     heights = np.arange(8) * 2e-3 + 1e-3
     position = np.zeros((2, 8, 3))
     position[:, :, 2] = heights
     with Run(write(tmp_path / "run.h5", position, scene=COLUMN)) as run:
         found = seen(run)
-        taller = seen(run, position=position[0] * 1.0 + 1e-3 * UP)
-    assert found["bed_height"] == pytest.approx(16e-3)
-    assert observable_errors(found, taller)["bed_height"] == pytest.approx(100 * 2 / 16)
+        taller = seen(run, position=position[0] + 1e-3 * UP)
+    # 0.99 of 7 steps of a diameter over the lowest centre, itself a radius over the floor
+    assert found["bed_height"] == pytest.approx(1e-3 + 0.99 * 14e-3)
+    assert observable_errors(found, taller)["bed_height"] == pytest.approx(100 * 1e-3 / (1e-3 + 0.99 * 14e-3))
 
 
 def test_halves_that_stay_apart_are_unmixed_and_a_shuffled_bed_is_mixed(tmp_path):
@@ -270,3 +271,21 @@ def test_a_bead_half_way_through_the_vessel_overlaps_it_by_half_a_diameter(tmp_p
     assert truth["overlap.walls"] == 0.0
     assert through["overlap.walls"] == pytest.approx(0.5)
     assert observable_errors(truth, through)["overlap.walls"] == pytest.approx(0.5)
+
+
+@pytest.mark.physics
+def test_what_is_observed_in_a_simulated_run_is_what_the_run_itself_recorded(tmp_path, suffice, beads):
+    scene = tmp_path / "beads.toml"
+    scene.write_text(beads)
+    assert suffice("simulate", scene, "-o", tmp_path / "run.h5").code == 0
+    with Run(tmp_path / "run.h5") as run:
+        watch, touched = watch_of(run, range(run.n_snapshots)), 0
+        for k in range(run.n_snapshots):
+            values = run.snapshot(k).values
+            found = observe(watch, room_at(watch, float(run.times[k])), values["position"], values["velocity"])
+            # snapshots are in single precision: 1e-7 of 12 mm is 5e-7 of a diameter
+            assert found["kinetic_energy"] == pytest.approx(run.series["energy.kinetic"][k], rel=1e-6)
+            deepest = max(found["overlap.largest"], found["overlap.walls"])
+            assert deepest == pytest.approx(run.series["overlap.100"][k], abs=1e-6)
+            touched += deepest > 0
+        assert touched > 3

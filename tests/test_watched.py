@@ -225,3 +225,29 @@ def test_plotly_accepts_the_figure_of_every_observable(run):
         figure = observable_figure(answer, name)
         go.Figure(figure, skip_invalid=False)
         assert figure["data"]
+
+
+def test_signs_are_shown_where_they_are_always_the_same_and_of_what_is_created():
+    from suffice.worth import ranked_error, shown_error
+
+    row = {"errors": {"a": 2.0, "b": 2.0}, "bias": {"a": -2.0, "b": -0.5}}
+    assert shown_error(row, "a", {"error": "relative"}) == "-2"
+    assert shown_error(row, "b", {"error": "relative"}) == "2"
+    assert shown_error(row, "b", {"error": "created"}) == "-0.5"
+    assert ranked_error(row, "b", {"error": "created"}) == 0.5
+    assert ranked_error(row, "b", {"error": "relative"}) == 2.0
+
+
+def test_the_report_says_who_wins_and_marks_a_baseline_that_beats_every_model():
+    from suffice.worth import winners_section
+
+    common = {"variable": "position.x", "interval": 0.003, "unit": "m", "projection_rmse": 0.9}
+    rows = [{**common, "surrogate": name, "modes": n, "rmse": rmse} for name, n, rmse in (
+        ("rbf", 12, 2.0), ("spline", 12, 2.01), ("rbf", 60, 1.0), ("spline", 60, 1.1), ("raw-hermite", None, 0.8),
+    )]  # fmt: skip
+    body = winners_section({"compare": {"rows": rows}})
+    assert "<b>rbf</b> = <b>spline</b>" in body.body
+    assert "<b>rbf</b>, spline +10 %" in body.body
+    assert "<b>raw-hermite</b> -20 %" in body.body
+    assert "no model wins here" in body.below
+    assert winners_section({}) is None
