@@ -72,9 +72,9 @@ class Surrogate(ABC):
     ) -> NDArray[np.float64]:
         """Values (times, modes) at `times` (any count and order,) s.
 
-        `start` (modes,) is the state a state map is rolled out from; a regressor in time refuses it. Times outside
-        `window_` are refused unless `beyond`: there nothing was measured, and a regressor in time merely continues its
-        last expression.
+        `start` is the state a state map is rolled out from, see `StateMap`; a regressor in time refuses it. Times
+        outside `window_` are refused unless `beyond`: there nothing was measured, and a regressor in time merely
+        continues its last expression.
 
         Raises InputError: not fitted; a time that is not finite or outside the window; start or parameters unused.
         """
@@ -157,3 +157,19 @@ def saved_numbers(state: Mapping[str, NDArray[Any]], name: str, count: int) -> l
             f"array {name!r} of the model has to be {count} finite numbers; the file is damaged, save it again"
         )
     return [float(number) for number in numbers]
+
+
+def saved_table(
+    state: Mapping[str, NDArray[Any]], name: str, shape: tuple[int, ...] | None = None
+) -> NDArray[np.float64]:
+    """Read the saved array `name` as finite numbers of two dimensions, of this shape if one is given.
+
+    Raises InputError; KeyError if it is missing.
+    """
+    table = np.array(state[name], dtype=np.float64)
+    if table.ndim != 2 or 0 in table.shape or (shape and table.shape != shape) or not np.isfinite(table).all():
+        raise InputError(
+            f"array {name!r} of the model has shape {table.shape} or holds what is no number; the file is damaged, "
+            "save it again"
+        )
+    return table
