@@ -160,13 +160,15 @@ class Lstm(Network, StateMap):
 
     def _learnt(self) -> dict[str, NDArray[Any]]:
         times, values, rates, _ = self.series_
-        series = {"times": times, "values": values} | ({} if rates is None else {"rates": rates})
+        none = np.empty((0, values.shape[1]))
+        series = {"times": times, "values": values, "rates": none if rates is None else rates}
         scalers = {"mean": self.mean_, "scale": np.array([self.scale_]), "miss": np.array([self.miss_])}
         networks = weights_of(self.ahead_, "ahead.") | weights_of(self.between_, "between.")
         return {**series, **scalers, "autoregression": self.autoregression_, **networks}
 
     def _recall(self, state: Mapping[str, NDArray[Any]]) -> None:
-        self.series_ = checked_series(state["times"], state["values"], state.get("rates"))
+        rates = state["rates"]
+        self.series_ = checked_series(state["times"], state["values"], rates if len(rates) else None)
         modes = self.series_.values.shape[1]
         self.mean_ = saved_table(state, "mean", (modes,))
         self.scale_, self.miss_ = (float(saved_table(state, name, (1,))[0]) for name in ("scale", "miss"))
