@@ -24,10 +24,10 @@ Table = list[dict[str, Any]]
 
 
 class Reference(NamedTuple):
-    """What every surrogate is held against, (s, reach) from each start."""
+    """What every surrogate is held against, from each start."""
 
-    persistence: Array
-    ballistic: Array | None  # None where the run has no velocities
+    persistence: Ahead
+    ballistic: Ahead | None  # None where the run has no velocities
 
 
 def compare_beyond(
@@ -152,8 +152,8 @@ def _compare_one(answer: dict[str, Any], future: Future, run: Run, variable: str
         {**label, "n_lr": n_lr, "n_c": n_c, "modes": full, "motion": reduced.motion, "seconds": reduced.seconds}
     )
     levels = sorted({n_lr or full, min(n_c or full, full)})
-    ballistic = None if future.rates is None else ahead_of_snapshots("ballistic", future, 0).errors
-    reference = Reference(ahead_of_snapshots("persistence", future, 0).errors, ballistic)
+    ballistic = None if future.rates is None else ahead_of_snapshots("ballistic", future, answer["seed"])
+    reference = Reference(ahead_of_snapshots("persistence", future, answer["seed"]), ballistic)
     for name in names:
         if SURROGATES[name].needs_rates and future.rates is None:
             reason = f"{name} needs the derivative of {variable}, which the run does not hold"
@@ -178,8 +178,10 @@ def _consistent(run: Run, future: Future, answer: dict[str, Any]) -> int | None:
 
 def _row(name: str, n: int | None, future: Future, reduced: Reduced, reference: Reference, seed: int) -> dict[str, Any]:
     """Curves against the horizon, what they cross, and what they cost, in plain types."""
-    ahead = ahead_of_snapshots(name, future, seed) if n is None else ahead_of_modes(name, future, reduced, n, seed)
-    curve, persistence = _mean(ahead.errors), _mean(reference.persistence[ahead.starts])
+    ahead = reference._asdict().get(name)
+    if ahead is None:
+        ahead = ahead_of_snapshots(name, future, seed) if n is None else ahead_of_modes(name, future, reduced, n, seed)
+    curve, persistence = _mean(ahead.errors), _mean(reference.persistence.errors[ahead.starts])
     row = {
         "surrogate": name,
         "kind": "raw" if n is None else SURROGATES[name].kind,
@@ -199,7 +201,7 @@ def _row(name: str, n: int | None, future: Future, reduced: Reduced, reference: 
         "step_seconds": ahead.step_seconds,
     }
     if reference.ballistic is not None:
-        flown = _mean(reference.ballistic[ahead.starts])
+        flown = _mean(reference.ballistic.errors[ahead.starts])
         row |= {
             "ballistic": flown,
             "behind_ballistic": first_above(curve, flown),
@@ -210,7 +212,7 @@ def _row(name: str, n: int | None, future: Future, reduced: Reduced, reference: 
 
 def _from_end(ahead: Ahead, reference: Reference) -> dict[str, Any]:
     """Return the curve from the first start, the end of training, which is the only one that all can start from."""
-    curve, persistence = _mean(ahead.errors[:1]), _mean(reference.persistence[:1])
+    curve, persistence = _mean(ahead.errors[:1]), _mean(reference.persistence.errors[:1])
     return {"rmse": curve, "over_persistence": _ratio(curve[0], persistence[0])}
 
 
