@@ -2,7 +2,8 @@
 
 Reading order: `surrogate` (the contract), `series` (what may be learnt), `interpolant` and its members `linear`,
 `spline`, `hermite`, `rbf` (with `kernel`, `leave_one_out`, `windows`), `gp` (with `matern`, `kalman`), `persistence`,
-`ballistic`; `state_map` and its members `dmd` (with `past`, `companion`) and `rbf_map`; `cost`.
+`ballistic`; `state_map` and its members `dmd` (with `past`, `companion`) and `rbf_map`; `network` (with `training`,
+`regression`, `training_state`) and its members `mlp` and `lstm` (with `autoregression`); `cost`.
 
 Coefficients are arrays (snapshots, modes), times seconds:
 
@@ -20,6 +21,9 @@ from surrogates.errors import InputError
 from surrogates.gp import Gp
 from surrogates.hermite import Hermite, RawHermite
 from surrogates.linear import Linear, RawLinear
+from surrogates.lstm import Lstm
+from surrogates.mlp import Mlp
+from surrogates.network import Network
 from surrogates.persistence import Persistence
 from surrogates.rbf import Rbf
 from surrogates.rbf_map import RbfMap
@@ -33,6 +37,7 @@ SURROGATES: Mapping[str, type[Surrogate]] = MappingProxyType(
         for member in (
             *(Rbf, Spline, Hermite, Gp, Linear),
             *(Dmd, RbfMap),
+            *(Mlp, Lstm),
             *(RawHermite, RawLinear, Ballistic, Persistence),
         )
     }
@@ -47,6 +52,9 @@ __all__ = [
     "Hermite",
     "InputError",
     "Linear",
+    "Lstm",
+    "Mlp",
+    "Network",
     "Persistence",
     "RawHermite",
     "RawLinear",

@@ -31,6 +31,7 @@ class StateMap(Surrogate):
     """
 
     kind: ClassVar[Kind] = "state"
+    bridges: ClassVar[bool] = False
 
     memory: int = 1  # most past snapshots that one step reads
 

@@ -29,6 +29,8 @@ class Surrogate(ABC):
     name: ClassVar[str]
     kind: ClassVar[Kind]
     needs_rates: ClassVar[bool] = False
+    uses_rates: ClassVar[bool] = False  # needs none, but learns from them where they are given
+    bridges: ClassVar[bool] = True  # answers between the snapshots; a mere state map only steps from the last ones
     takes_parameters: ClassVar[bool] = False
     raw: ClassVar[bool] = False
 
@@ -46,15 +48,15 @@ class Surrogate(ABC):
         """Learn `values` (snapshots, modes) given at `times` (snapshots,) s; returns itself.
 
         `rates` (snapshots, modes) are d(values)/dt: of coefficients, the velocity snapshots projected on the modes
-        without subtracting a mean. They are ignored where `needs_rates` is false. `parameters` (snapshots, parameters)
-        is the operating condition.
+        without subtracting a mean; a member that neither needs nor uses them ignores them. `parameters` (snapshots,
+        parameters) is the operating condition.
 
         Raises InputError: see `checked_series`; rates missing; parameters given to a member that takes none.
         """
         if self.needs_rates and rates is None:
             raise InputError(f"rates is missing; {self.name} needs d(values)/dt of every snapshot, save velocities too")
         self._refuse_unused(parameters=parameters)
-        given = rates if self.needs_rates else None
+        given = rates if self.needs_rates or self.uses_rates else None
         series = checked_series(times, values, given, parameters, copy=not self.raw)
         begin = perf_counter()
         self._fit(series)
