@@ -20,6 +20,7 @@ FAINT = 1e-7  # of the largest power: frequencies below it at the end of the spe
 MOST_FREQUENCIES = 512
 LEADING = 0.9  # of the power: frequencies that hold it are what the hidden layers see
 BATCH = 1024  # samples of a step, and times that are predicted at once
+CHECKS = 10  # of the training error, which decides what is kept
 
 
 class Spectrum(NamedTuple):
@@ -91,7 +92,7 @@ class WithRates(nn.Module):
 
 
 def gelu_slope(h: Tensor) -> Tensor:
-    """Derivative of GELU, Φ(h) + h Φ'(h) with Φ the normal distribution function."""
+    """Return the derivative of GELU, Φ(h) + h Φ'(h) with Φ the normal distribution function."""
     return 0.5 * (1.0 + torch.erf(h / sqrt(2.0))) + h * torch.exp(-0.5 * h * h) / sqrt(2.0 * pi)
 
 
@@ -100,7 +101,8 @@ class Mlp(Network):
 
     Frequencies and sizes of its features are those of the spectrum of the series, taken over twice the window so that
     its ends need not meet. With rates the loss holds values and Δτ ċ alike, and frequencies reach twice as far. It
-    passes near its snapshots, not through them.
+    passes near its snapshots, not through them. Outside the window, where its features have learnt nothing, it goes on
+    along its tangent.
     """
 
     name: ClassVar[str] = "mlp"
@@ -131,7 +133,9 @@ class Mlp(Network):
         share = torch.from_numpy(tau / tau[-1])[:, None]
         targets = single(scaled if changes is None else np.hstack([scaled, changes]))
         learner = self.network_ if changes is None else WithRates(self.network_, 1.0 / tau[-1])
-        self.trainings_ = [train(learner, Samples((share,), targets), None, self._training(batch=BATCH, patience=None))]
+        self.trainings_ = [
+            train(learner, Samples((share,), targets), None, self._training(batch=BATCH, checks=CHECKS, patience=None))
+        ]
 
     def _made(self, frequencies: int, leads: int, modes: int) -> TimeNetwork:
         network = seeded(lambda: TimeNetwork(frequencies, leads, modes, self.width), self.seed)
@@ -141,11 +145,16 @@ class Mlp(Network):
     def _predict(
         self, times: NDArray[np.float64], _start: Array | None, _parameters: Array | None
     ) -> NDArray[np.float64]:
-        share = torch.from_numpy((times - self.span_[0]) / (self.span_[1] - self.span_[0]))[:, None]
+        share = (times - self.span_[0]) / (self.span_[1] - self.span_[0])
+        inside = np.clip(share, 0.0, 1.0)
         predicted = np.empty((len(times), len(self.mean_)))
         with torch.no_grad():
             for low in range(0, len(times), BATCH):
-                predicted[low : low + BATCH] = self.network_(share[low : low + BATCH]).numpy()
+                some = slice(low, low + BATCH)
+                predicted[some] = self.network_(torch.from_numpy(inside[some])[:, None]).numpy()
+                if (outside := share[some] - inside[some]).any():
+                    both = WithRates(self.network_, 1.0)(torch.from_numpy(inside[some])[:, None]).numpy()
+                    predicted[some] += outside[:, None] * both[:, len(self.mean_) :]
         return np.asarray(self.mean_ + self.scale_ * predicted)
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
