@@ -11,11 +11,13 @@ from selection.errors import InputError as UnfitIntervals
 from selection.intervals import Subset, candidates, dense_interval
 from selection.tradeoff import pareto_front
 from suffice.choice import Limits, cheapest, check_limits
+from suffice.making import is_trained, made
 from suffice.reconstruction import (
     Array,
     Case,
     Reconstruction,
     Reduced,
+    consistent_level,
     measure_reconstruction,
     modal,
     projection_errors,
@@ -24,10 +26,12 @@ from suffice.reconstruction import (
 )
 from suffice.refusal import Refusal
 from suffice.run import Run
+from suffice.winners import winners
 from surrogates import SURROGATES
 from surrogates import InputError as UnfitSeries
 
 HELD_BYTES = 2**30  # a variable up to this size is read once and kept; a larger one is streamed at every pass
+CONSISTENCY = 1.05  # of R_c up to n_c
 COSTS = ("single_seconds", "storage_bytes")
 QUANTITIES_COMPARED = ("position.", "velocity.")
 
@@ -51,6 +55,14 @@ class Place(NamedTuple):
     diameter: float | None  # m
 
 
+class Effort(NamedTuple):
+    """How networks are trained."""
+
+    seed: int
+    seeds: int
+    max_seconds: float | None
+
+
 class Level(NamedTuple):
     """A number of modes, its projection errors (u,), and the seconds that reconstruction adds to any surrogate."""
 
@@ -70,14 +82,18 @@ def compare(
     max_seconds: float | None = None,
     energy: float = 0.999,
     seed: int = 0,
+    seeds: int = 1,
+    training_seconds: float | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> dict[str, Any]:
     """Train every surrogate at every Δτ and reconstruct the dense snapshots in between; plain types, ready for JSON.
 
     variables: names, default the components of position and velocity. intervals: Δτ in s, default ten to two dense
-    intervals. surrogates: names in `SURROGATES`, default all regressors in time. Each is fitted with n_lr modes (the
-    least that hold `energy`) and with all; raw baselines have no modes. max_error: RMSE, in `error_unit`, a unit of the
-    run or "d" for particle diameters; max_seconds: to reconstruct one snapshot. progress is called with (done, all).
+    intervals. surrogates: names in `SURROGATES`, default all that answer between snapshots and need no training. Each
+    is fitted with n_lr modes (the least that hold `energy`), with n_c (R_c up to 1.05) and with all; raw baselines have
+    no modes. Networks are trained with `seeds` seeds from `seed` on, each for `training_seconds` at most. max_error:
+    RMSE, in `error_unit`, a unit of the run or "d" for particle diameters; max_seconds: to reconstruct one snapshot.
+    progress is called with (done, all).
 
     The answer holds `rows`, one per variable, Δτ, surrogate and n; `bases`, the decompositions and their cost;
     `left_out` with reasons; and with a limit `choice`, per variable the cheapest row that keeps it, or the closest.
@@ -93,7 +109,9 @@ def compare(
         raise Refusal(f"energy is {energy:g}; it must be a share above 0 and at most 1, for example 0.999")
     check_limits(limits, {run.variable(name).unit for name in asked}, diameter)
     subsets = _subsets(run, intervals)
-    found = Comparison([], [], [])
+    if seeds < 1:
+        raise Refusal(f"seeds is {seeds}; give at least 1")
+    found, effort = Comparison([], [], []), Effort(seed, seeds, training_seconds)
     for i, name in enumerate(asked):
         values, rates = held(run, name), held_rates(run, name, names)
         for j, subset in enumerate(subsets):
@@ -101,7 +119,9 @@ def compare(
                 progress(i * len(subsets) + j, len(asked) * len(subsets))
             unseen = np.setdiff1d(subset.testing, subset.training)
             place = Place(name, subset.interval, run.variable(name).unit, diameter)
-            _compare_case(found, Case(values, rates, run.times, subset.training, unseen), place, names, energy)
+            _compare_case(
+                found, Case(values, rates, run.times, subset.training, unseen), place, names, (energy, effort)
+            )
     if progress:
         progress(len(asked) * len(subsets), len(asked) * len(subsets))
     if not found.rows:
@@ -114,8 +134,10 @@ def compare(
         "dense_interval": dense_interval(run.times),
         "energy": energy,
         "seed": seed,
+        "seeds": seeds,
         "diameter": diameter,
         **found._asdict(),
+        "winners": winners(found.rows),
         "limits": limits._asdict(),
         "choice": {name: cheapest(name, found.rows, limits, diameter) for name in asked} if limits.any else {},
     }
@@ -128,13 +150,13 @@ def mean_diameter(run: Run) -> float | None:
 
 
 def known_surrogates(asked: Sequence[str] | None) -> list[str]:
-    """Return the surrogates to compare, default all of kind `time`: a state map has a start, and another task.
+    """Return the surrogates to compare, default all that answer between snapshots and need no training.
 
-    Raises `Refusal` for a name that is not among them, or for none.
+    Raises `Refusal` for a name that is not among those that answer between snapshots, or for none.
     """
-    known = [name for name, member in SURROGATES.items() if member.kind == "time"]
+    known = [name for name, member in SURROGATES.items() if member.bridges]
     if asked is None:
-        return known
+        return [name for name in known if not is_trained(name)]
     for name in asked:
         if name not in known:
             raise Refusal(f"surrogate {name!r} is not known here; use {', '.join(known)}")
@@ -174,29 +196,31 @@ def held_rates(run: Run, name: str, surrogates: Sequence[str]) -> RowSource | No
     """Return the derivative of a position, the stored velocity, if there is one and a surrogate asks for it."""
     rate = name.replace("position", "velocity", 1)
     stored = rate in run.variables or f"{rate}.x" in run.variables
-    needed = any(SURROGATES[surrogate].needs_rates for surrogate in surrogates)
+    needed = any(SURROGATES[surrogate].needs_rates or SURROGATES[surrogate].uses_rates for surrogate in surrogates)
     return held(run, rate) if name.startswith("position") and stored and needed else None
 
 
-def _compare_case(found: Comparison, case: Case, place: Place, names: Sequence[str], energy: float) -> None:
-    """Add what one variable at one Δτ has to say to the tables."""
+def _compare_case(found: Comparison, case: Case, place: Place, names: Sequence[str], how: tuple[float, Effort]) -> None:
+    """Add what one variable at one Δτ has to say to the tables. how: energy that n_lr modes hold, and the effort."""
+    energy, effort = how
     try:
         reduced = reduce(case, energy)
     except UnfitSnapshots as error:
         found.left_out.append(_omission(place, None, f"{place.variable}: {error}"))
         return
     basis, label = reduced.basis, {**_label(place), "n_snapshots": len(case.training)}
-    counts = {"n_lr": basis.n_lr, "modes": basis.modes.shape[1], "seconds": reduced.seconds}
+    n_c = consistent_level(reduced, case, CONSISTENCY)
+    counts = {"n_lr": basis.n_lr, "n_c": n_c, "modes": basis.modes.shape[1], "seconds": reduced.seconds}
     found.bases.append({**label, **counts, "reason": basis.reason})
-    levels = _levels(reduced, case)
+    levels = _levels(reduced, case, n_c)
     for name in names:
         if SURROGATES[name].needs_rates and case.rates is None:
             reason = f"{name} needs the derivative of {place.variable}, which the run does not hold"
             found.left_out.append(_omission(place, name, reason))
             continue
         try:
-            for one, floor in _tried(name, reduced, case, levels):
-                found.rows.append({**label, **_figures(one, floor, case, place)})
+            for ones, floor in _tried(name, reduced, case, levels, effort):
+                found.rows.append({**label, **_figures(ones[0], floor, case, place), **_over_seeds(ones, floor, place)})
         except UnfitSeries as error:
             found.left_out.append(_omission(place, name, f"{name}: {error}"))
 
@@ -209,8 +233,8 @@ def _omission(place: Place, surrogate: str | None, reason: str) -> dict[str, Any
     return {"variable": place.variable, "interval": place.interval, "surrogate": surrogate, "reason": reason}
 
 
-def _levels(reduced: Reduced, case: Case) -> list[Level]:
-    """Numbers of modes to compare at, n_lr and all, with what every surrogate of that number has in common."""
+def _levels(reduced: Reduced, case: Case, n_c: int) -> list[Level]:
+    """Numbers of modes to compare at, n_lr, n_c and all, with what every surrogate of that number has in common."""
     full = reduced.basis.modes.shape[1]
     return [
         Level(
@@ -218,17 +242,31 @@ def _levels(reduced: Reduced, case: Case) -> list[Level]:
             projection_errors(reduced, case, n),
             measure_reconstruction(reduced.basis, reduced.coefficients[case.unseen, :n]),
         )
-        for n in sorted({reduced.basis.n_lr or full, full})
+        for n in sorted({reduced.basis.n_lr or full, n_c or full, full})
     ]
 
 
-def _tried(name: str, reduced: Reduced, case: Case, levels: Sequence[Level]) -> Iterator[tuple[Reconstruction, Array]]:
-    """Each way of using this surrogate, with the projection error that it is held against."""
+def _tried(
+    name: str, reduced: Reduced, case: Case, levels: Sequence[Level], effort: Effort
+) -> Iterator[tuple[list[Reconstruction], Array]]:
+    """Each way of using this surrogate, once for every seed, with the projection error that it is held against."""
     if SURROGATES[name].raw:
-        yield raw(name, case), levels[-1].floor
+        yield [raw(name, case)], levels[-1].floor
         return
+    seeds = range(effort.seed, effort.seed + (effort.seeds if is_trained(name) else 1))
     for n, floor, seconds in levels:
-        yield modal(name, reduced, case, n, seconds), floor
+        yield [modal(made(name, seed, effort.max_seconds), reduced, case, n, seconds) for seed in seeds], floor
+
+
+def _over_seeds(ones: Sequence[Reconstruction], floor: Array, place: Place) -> dict[str, Any]:
+    """Return what several seeds change in a row: the errors are means, and that of each seed stands beside them."""
+    if not ones[0].remark:
+        return {}
+    errors = [float(one.errors.mean()) for one in ones]
+    mean, least, found = sum(errors) / len(errors), float(floor.mean()), {"remark": ones[0].remark, "seeds": errors}
+    in_diameters = mean / place.diameter if place.diameter is not None and place.unit == "m" else None
+    ratio = mean / least if least > 0 else None
+    return found | {"rmse": mean, "rmse_diameters": in_diameters, "ratio_to_floor": ratio}
 
 
 def _figures(one: Reconstruction, floor: Array, case: Case, place: Place) -> dict[str, Any]:

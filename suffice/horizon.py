@@ -1,6 +1,5 @@
 """Errors ahead of a start: what surrogates say about snapshots that come after all they were trained on."""
 
-import inspect
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -8,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pod import Basis, RowSource, SnapshotMatrix, lanczos_pod
-from surrogates import SURROGATES, InputError, Surrogate
+from suffice.making import made
+from surrogates import InputError, Surrogate
 
 Array = NDArray[np.float64]
 BLOCK_VALUES = 4 * 2**20  # numbers per block of rows
@@ -50,12 +50,6 @@ class Ahead(NamedTuple):
     starts: NDArray[np.intp]  # (s,) which of the starts
     fit_seconds: float
     step_seconds: float  # per snapshot ahead
-
-
-def made(name: str, seed: int) -> Surrogate:
-    """Make a surrogate by its name; those that draw random numbers take the seed."""
-    member = SURROGATES[name]
-    return member(**({"seed": seed} if "seed" in inspect.signature(member).parameters else {}))
 
 
 def reduce_past(future: Future, energy: float) -> Reduced:

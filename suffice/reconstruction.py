@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pod import Basis, RowSource, SnapshotMatrix, lanczos_pod
-from surrogates import SURROGATES, Surrogate, measure_cost
+from selection.consistency import Projection, consistency
+from selection.feasibility import consistent_mode
+from surrogates import SURROGATES, Network, Surrogate, measure_cost
 
 Array = NDArray[np.float64]
 BLOCK_VALUES = 4 * 2**20  # numbers per block of rows; a few such blocks are held at once
@@ -52,6 +54,7 @@ class Reconstruction(NamedTuple):
     single_seconds: float  # one full snapshot, asked for alone
     batch_seconds: float  # one full snapshot, when many are asked for at once
     storage_bytes: int  # everything that must be kept to answer
+    remark: str = ""  # how the training of a network ended
 
 
 def reduce(case: Case, energy: float) -> Reduced:
@@ -92,7 +95,9 @@ def projection_errors(reduced: Reduced, case: Case, n: int) -> Array:
     return np.asarray(np.sqrt((reduced.outside + truncated) / len(reduced.basis.mean)))
 
 
-def modal(name: str, reduced: Reduced, case: Case, n: int, reconstruct_seconds: tuple[float, float]) -> Reconstruction:
+def modal(
+    surrogate: Surrogate, reduced: Reduced, case: Case, n: int, reconstruct_seconds: tuple[float, float]
+) -> Reconstruction:
     """Fit one surrogate to the first n coefficients and reconstruct the unseen snapshots.
 
     Modes are orthonormal, so E² = E_projection² + |c - ĉ|²/rows holds and no row is touched again.
@@ -100,7 +105,7 @@ def modal(name: str, reduced: Reduced, case: Case, n: int, reconstruct_seconds: 
     Raises surrogates.InputError where it cannot be fitted.
     """
     rates = None if reduced.rates is None else reduced.rates[:, :n]
-    surrogate = SURROGATES[name]().fit(case.times[case.training], reduced.coefficients[case.training, :n], rates)
+    surrogate.fit(case.times[case.training], reduced.coefficients[case.training, :n], rates)
     unseen = case.times[case.unseen]
     miss = surrogate.predict(unseen) - reduced.coefficients[case.unseen, :n]
     rows = len(reduced.basis.mean)
@@ -108,14 +113,33 @@ def modal(name: str, reduced: Reduced, case: Case, n: int, reconstruct_seconds: 
     cost = measure_cost(surrogate, unseen, repeats=REPEATS)
     alone, among_many = reconstruct_seconds
     return Reconstruction(
-        name,
+        surrogate.name,
         n,
         errors,
         cost.fit_seconds,
         cost.single_seconds + alone,
         cost.batch_seconds + among_many,
         rows * (n + 1) * case.itemsize + cost.model_bytes,
+        training_remark(surrogate),
     )
+
+
+def training_remark(surrogate: Surrogate) -> str:
+    """Return in a few words how the trainings of a network ended, nothing for other surrogates."""
+    if not isinstance(surrogate, Network):
+        return ""
+    ends = [f"step {done.best_step} of {done.steps} kept, {done.reason}" for done in surrogate.trainings_]
+    return "; ".join(ends) or "nothing to learn, or too few snapshots to learn it from"
+
+
+def consistent_level(reduced: Reduced, case: Case, limit: float) -> int:
+    """n_c, the modes that can be used before R_c exceeds the limit (paper 2.3), from the same projections."""
+    outside = np.zeros(len(reduced.coefficients))
+    outside[case.unseen] = reduced.outside
+    values, rows = reduced.basis.values, len(reduced.basis.mean)
+    projection = Projection(values, reduced.coefficients, outside, case.training)
+    motion = float(np.sqrt(values.sum() / rows))
+    return consistent_mode(consistency(projection, rows, motion, exact=True).R_c, limit).n_c
 
 
 def measure_reconstruction(basis: Basis, coefficients: Array) -> tuple[float, float]:

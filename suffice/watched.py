@@ -1,6 +1,5 @@
 """What the snapshots that surrogates give are worth: their observables against those of the truth."""
 
-import inspect
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -12,6 +11,7 @@ from pod import RowSource, SnapshotMatrix
 from selection.errors import InputError as UnfitIntervals
 from selection.intervals import candidates, dense_interval
 from suffice.compare import HELD_BYTES, known_surrogates, mean_diameter
+from suffice.making import made
 from suffice.observables import (
     UNITS_OF_ENERGY,
     Observables,
@@ -126,13 +126,6 @@ def compare_observables(
     }
 
 
-def with_seed(name: str, seed: int) -> Surrogate:
-    """Return a new surrogate of this name, with the seed if it takes one."""
-    member = SURROGATES[name]
-    takes: dict[str, Any] = {"seed": seed} if "seed" in inspect.signature(member).parameters else {}
-    return member(**takes)
-
-
 def _split(run: Run, interval: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Snapshots kept every Δτ, and up to 20 of those between them."""
     try:
@@ -182,7 +175,7 @@ def _predictions(name: str, case: Case, reduced: Reduced, seed: int) -> Iterator
 def _modal(name: str, case: Case, reduced: Reduced, n: int, seed: int) -> Prediction:
     rates = None if reduced.rates is None else reduced.rates[:, :n]
     known = reduced.coefficients[case.training, :n]
-    surrogate = with_seed(name, seed).fit(case.times[case.training], known, rates)
+    surrogate = made(name, seed).fit(case.times[case.training], known, rates)
     # asked once for all times: what is rolled out is rolled out once
     asked = np.concatenate([_around(case, k) for k in case.unseen])
     found = dict(zip(case.unseen.tolist(), surrogate.predict(asked).reshape(-1, 3, n), strict=True))
@@ -192,7 +185,7 @@ def _modal(name: str, case: Case, reduced: Reduced, n: int, seed: int) -> Predic
 def _raw(name: str, case: Case, seed: int) -> Surrogate:
     values = _columns(case.values, case.training)
     rates = _columns(case.rates, case.training) if case.rates is not None and SURROGATES[name].needs_rates else None
-    return with_seed(name, seed).fit(case.times[case.training], values, rates)
+    return made(name, seed).fit(case.times[case.training], values, rates)
 
 
 def _columns(source: Any, which: NDArray[np.intp]) -> NDArray[Any]:

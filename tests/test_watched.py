@@ -11,7 +11,7 @@ from suffice.report import render
 from suffice.run import Run
 from suffice.show_observables import show_observables
 from suffice.store import RunWriter
-from suffice.watched import compare_observables, with_seed
+from suffice.watched import compare_observables
 
 RADIUS, INTERVAL = 1e-3, 0.001
 
@@ -182,18 +182,6 @@ def test_what_cannot_be_observed_is_refused_with_the_remedy(run):
         compare_observables(run, 0.004, energy=1.5)
     with pytest.raises(Refusal, match="not a multiple"):
         compare_observables(run, 0.0015)
-
-
-def test_a_seed_reaches_those_that_take_one_and_no_other(monkeypatch):
-    from surrogates import SURROGATES, Spline
-
-    class Seeded(Spline):
-        def __init__(self, seed: int = 0) -> None:
-            self.seed = seed
-
-    monkeypatch.setattr("suffice.watched.SURROGATES", {**SURROGATES, "seeded": Seeded})
-    assert with_seed("seeded", 7).seed == 7
-    assert not hasattr(with_seed("spline", 7), "seed")
 
 
 def test_the_table_shows_the_truth_and_every_row(run, capsys, monkeypatch):

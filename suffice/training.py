@@ -1,0 +1,136 @@
+"""From a run to a trained surrogate on disk."""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pod import InputError as UnfitSnapshots
+from selection.errors import InputError as UnfitIntervals
+from selection.intervals import Subset, candidates
+from suffice.compare import CONSISTENCY, held, held_rates, mean_diameter
+from suffice.making import is_trained, made
+from suffice.model import Model, check_model_place, save_model
+from suffice.progress import Reporter
+from suffice.reconstruction import Case, Reduced, consistent_level, projection_errors, reduce, training_remark
+from suffice.refusal import Refusal
+from suffice.run import Run
+from surrogates import SURROGATES, Network, Surrogate
+
+
+class Wish(NamedTuple):
+    """What is trained, and how long."""
+
+    variable: str
+    interval: float  # s, Δτ
+    surrogate: str
+    modes: int | None = None  # default n_c, but no fewer than n_lr
+    energy: float = 0.999
+    seed: int = 0
+    max_seconds: float | None = None
+    resume: bool = False
+
+
+def train_model(source: Path, folder: Path, wish: Wish, reporter: Reporter) -> dict[str, Any]:
+    """Fit one surrogate to a variable of a run, write it with its modes, and return its card in plain types.
+
+    A network leaves its states and a log in the folder on the way and can be resumed. Raises Refusal,
+    pod.InputError or surrogates.InputError for what cannot be used.
+    """
+    _check_wish(wish)
+    check_model_place(folder)
+    with Run(source) as run:
+        subset = _subset(run, wish.interval)
+        unseen = np.setdiff1d(subset.testing, subset.training)
+        values, rates = held(run, wish.variable), held_rates(run, wish.variable, [wish.surrogate])
+        case = Case(values, rates, run.times, subset.training, unseen)
+        try:
+            reduced = reduce(case, wish.energy)
+        except UnfitSnapshots as error:
+            raise Refusal(f"{wish.variable}: {error}") from None
+        n_c = consistent_level(reduced, case, CONSISTENCY)
+        n = _modes(wish, reduced, n_c)
+        surrogate = _fitted(wish, case, reduced, n, folder, reporter)
+        model = _model(run, wish, case, reduced, surrogate, (n, n_c))
+    save_model(folder, model)
+    return dict(model.card)
+
+
+def _check_wish(wish: Wish) -> None:
+    known = [name for name, member in SURROGATES.items() if not member.raw]
+    if wish.surrogate not in known:
+        raise Refusal(f"--surrogate {wish.surrogate!r} is not one that is trained on modes; use {', '.join(known)}")
+    if wish.resume and not is_trained(wish.surrogate):
+        raise Refusal(f"--resume with --surrogate {wish.surrogate}: only networks are trained in steps; leave it out")
+
+
+def _subset(run: Run, interval: float) -> Subset:
+    try:
+        (subset,) = candidates(run.times, [interval])
+    except UnfitIntervals as error:
+        raise Refusal(f"{run.path}: {error}") from None
+    return subset
+
+
+def _modes(wish: Wish, reduced: Reduced, n_c: int) -> int:
+    """Return the number of modes asked for, or as many as are consistent, but no fewer than hold the energy."""
+    full = reduced.basis.modes.shape[1]
+    if wish.modes is None:
+        return max(n_c, reduced.basis.n_lr or full)
+    if not 1 <= wish.modes <= full:
+        raise Refusal(f"--modes is {wish.modes}; these snapshots have {full} modes, give 1 to {full}")
+    return wish.modes
+
+
+def _fitted(wish: Wish, case: Case, reduced: Reduced, n: int, folder: Path, reporter: Reporter) -> Surrogate:
+    surrogate = made(wish.surrogate, wish.seed, wish.max_seconds)
+    times, known = case.times[case.training], reduced.coefficients[case.training, :n]
+    rates = None if reduced.rates is None else reduced.rates[:, :n]
+    if not isinstance(surrogate, Network):
+        return surrogate.fit(times, known, rates)
+    with reporter.stage("train", "steps") as advance:
+        surrogate.watched(folder, wish.resume, advance)
+        return surrogate.fit(times, known, rates)
+
+
+def _model(run: Run, wish: Wish, case: Case, reduced: Reduced, surrogate: Surrogate, levels: tuple[int, int]) -> Model:
+    """Model with what is known about its errors."""
+    n, n_c = levels
+    basis, variable = reduced.basis, run.variable(wish.variable)
+    of_fluid = wish.variable.startswith("fluid.")
+    card = {
+        "surrogate": wish.surrogate,
+        "settings": surrogate.settings(),
+        "run": str(run.path),
+        "variable": wish.variable,
+        "unit": variable.unit,
+        "interval": wish.interval,
+        "window": list(surrogate.window_),
+        "n_snapshots": len(case.training),
+        "n_rows": len(basis.mean),
+        "n_modes": n,
+        "n_lr": basis.n_lr,
+        "n_c": n_c,
+        "thresholds": {"energy": wish.energy, "consistency": CONSISTENCY},
+        "grid": None if not of_fluid or run.grid is None else [list(part) for part in run.grid],
+        "fit_seconds": surrogate.fit_seconds_,
+        "training": training_remark(surrogate),
+        **_errors(run, case, reduced, surrogate, n),
+    }
+    particles = {"ids": run.ids, "radius": run.radius, "species": run.species}
+    return Model(surrogate, basis.mean, np.ascontiguousarray(basis.modes[:, :n]), particles, card)
+
+
+def _errors(run: Run, case: Case, reduced: Reduced, surrogate: Surrogate, n: int) -> dict[str, Any]:
+    """Return errors between the training snapshots, None where there are none or a state map has no answer."""
+    if not len(case.unseen) or not surrogate.bridges:
+        return {"rmse": None, "projection_rmse": None, "rmse_diameters": None}
+    floor = projection_errors(reduced, case, n)
+    miss = surrogate.predict(case.times[case.unseen]) - reduced.coefficients[case.unseen, :n]
+    rmse = float(np.sqrt(floor**2 + np.square(miss).sum(axis=1) / len(reduced.basis.mean)).mean())
+    diameter = mean_diameter(run) if getattr(case.values, "unit", "m") == "m" else None
+    return {
+        "rmse": rmse,
+        "projection_rmse": float(floor.mean()),
+        "rmse_diameters": rmse / diameter if diameter else None,
+    }
