@@ -5,13 +5,12 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from plotly.offline import get_plotlyjs
 
 from suffice.plots import (
     COSTS,
-    Figure,
     consistency_figure,
     error_figure,
     lanczos_figure,
@@ -21,6 +20,8 @@ from suffice.plots import (
     tradeoff_figure,
 )
 from suffice.refusal import Refusal
+from suffice.section import Section
+from suffice.unseen_section import unseen_section
 from suffice.verdicts import feasibility_table, table_legend, verdict_items
 from suffice.wording import bytes_text, escape, number, seconds_text
 
@@ -31,23 +32,13 @@ POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inli
 LONG = 120  # characters; a longer text of the provenance is folded
 
 
-class Section(NamedTuple):
-    """A part of the page and the figures it draws, by the values of its pickers joined with `|`."""
-
-    title: str
-    body: str  # HTML above the figure
-    figures: Mapping[str, Figure] = {}
-    pickers: Mapping[str, Mapping[str, str]] = {}  # name -> value -> what the reader sees
-    below: str = ""
-
-
 def write_report(results: Results, path: str | Path) -> None:
     """Write the results of a study as one HTML page, beside and renamed.
 
     results: `study`, `run`, `select` (as `select --json` writes it), `curves` {variable: {Δτ: curves}}, `spectrum`
     {variable: {Δτ: I(p)}}, `convergence` {variable: curves against steps, and `modes`}, `compare` (as
-    `compare` answers), `stages`, `series` with its `times`, `provenance`; any may be missing, and its section is
-    left out. Everything shown is escaped; the page loads nothing.
+    `compare` answers), `unseen` (as `compare_unseen`), `stages`, `series` with its `times`, `provenance`; any may be
+    missing, and its section is left out. Everything shown is escaped; the page loads nothing.
     Raises `Refusal` when the page cannot be written.
     """
     page, target = render(results), Path(path)
@@ -70,6 +61,7 @@ def render(results: Results) -> str:
         _convergence,
         _error,
         _tradeoff,
+        unseen_section,
         _ledger,
         _stages,
         _provenance,
