@@ -17,13 +17,13 @@ import numpy as np
 
 from pod import lanczos_pod
 from pod.basis import Basis
-from suffice.fields import Array
+from suffice.fields import Array, scene_of
 from suffice.phases import FIELDS, Averages, averages
 from suffice.refusal import Refusal
-from suffice.rotor import angle
+from suffice.rotor import Rotor, angle, rotor_of
 from suffice.run import Run
 from suffice.unseen_verdicts import OVERALL, ahead_of, sentences
-from surrogates.condition_table import CONDITION_SURROGATES
+from surrogates import CONDITION_SURROGATES
 
 POWERS = {"void_fraction": 0, "solid_flux": 1, "agitation": 2, "fluid_flux": 1, "pressure": 2}  # of the tip speed
 SCALINGS = {"none": 0, "tip speed": 1}
@@ -109,6 +109,7 @@ def compare_unseen(
         if progress:
             progress(done, work)
 
+    check_speeds([rotor_of(scene_of(run), str(run.path)) for run in runs], held_out)
     found = []
     for run in runs:
         found.append(averages(run, bins, start_up))
@@ -135,26 +136,31 @@ def compare_unseen(
     }
 
 
-def split(found: Sequence[Averages], held_out: Sequence[float]) -> tuple[list[Averages], list[Averages]]:
-    """Return the averages shown and those held out, by ascending speed. Raises `Refusal` as `compare_unseen` says."""
-    known = sorted(found, key=lambda a: abs(a.rotor.rpm))
-    speeds = [abs(a.rotor.rpm) for a in known]
-    shapes = {tuple((name, field.shape) for name, field in a.fields.items()) for a in found}
-    if len(shapes) > 1 or len({(a.rotor.name, a.rotor.fold) for a in found}) > 1:
-        raise Refusal("runs: they differ in grid, rotor or phases; give runs of one scene at several speeds")
+def check_speeds(rotors: Sequence[Rotor], held_out: Sequence[float]) -> None:
+    """Raise `Refusal` unless rotors are the same but for their speeds, and those held out are between others."""
+    speeds = sorted(abs(rotor.rpm) for rotor in rotors)
+    if len({(rotor.name, rotor.fold) for rotor in rotors}) > 1:
+        raise Refusal("runs: their rotors differ in more than the speed; give runs of one scene at several speeds")
     if len(set(speeds)) < len(speeds):
         raise Refusal(f"runs: speeds are {', '.join(f'{s:g}' for s in speeds)} rpm; give one run per speed")
     for rpm in held_out:
         if rpm not in speeds:
             raise Refusal(f"held out: {rpm:g} rpm is not run; there are {', '.join(f'{s:g}' for s in speeds)} rpm")
+    shown = [rpm for rpm in speeds if rpm not in held_out]
+    if not held_out or len(shown) < 2:
+        raise Refusal(f"held out: {len(set(held_out))} of {len(speeds)} speeds; hold one out at least, and leave two")
+    for rpm in held_out:
+        if not shown[0] < rpm < shown[-1]:
+            raise Refusal(f"held out: {rpm:g} rpm is not between speeds that are shown; hold out another")
+
+
+def split(found: Sequence[Averages], held_out: Sequence[float]) -> tuple[list[Averages], list[Averages]]:
+    """Return the averages shown and those held out, by ascending speed. Raises `Refusal` where their rows differ."""
+    known = sorted(found, key=lambda a: abs(a.rotor.rpm))
+    if len({tuple(field.shape for field in a.fields.values()) for a in found}) > 1:
+        raise Refusal("runs: their cells or phases differ; give runs of one scene at several speeds")
     training = [a for a in known if abs(a.rotor.rpm) not in held_out]
-    unseen = [a for a in known if abs(a.rotor.rpm) in held_out]
-    if not unseen or len(training) < 2:
-        raise Refusal(f"held out: {len(unseen)} of {len(known)} speeds; hold one out at least, and leave two")
-    for a in unseen:
-        if not abs(training[0].rotor.rpm) < abs(a.rotor.rpm) < abs(training[-1].rotor.rpm):
-            raise Refusal(f"held out: {abs(a.rotor.rpm):g} rpm is not between speeds that are shown; hold out another")
-    return training, unseen
+    return training, [a for a in known if abs(a.rotor.rpm) in held_out]
 
 
 def spreads(training: Sequence[Averages]) -> dict[str, float]:

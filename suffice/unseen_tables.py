@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 from suffice.unseen_verdicts import OVERALL
 from suffice.wording import number, seconds_text
@@ -25,7 +25,7 @@ def show_unseen(answer: Mapping[str, Any]) -> None:
     fields = [*answer["fields"], OVERALL]
     for case in answer["cases"]:
         title = f"Error at {speeds} rpm in parts of the spread over speeds: {title_of(case)}"
-        table = Table("surrogate", *fields, "fit", "predict", title=title, title_justify="left")
+        table = Table(Column("surrogate", no_wrap=True), *fields, "fit", "predict", title=title, title_justify="left")
         for row in sorted(case["rows"], key=lambda row: float(row["errors"][OVERALL])):
             shown = [_with_scatter(row["errors"][key], row["seed_spread"][key]) for key in fields]
             table.add_row(

@@ -1,7 +1,8 @@
 """Surrogates of the coefficients of the modes: regressors that predict c(t) from what the snapshots show.
 
 Reading order: `surrogate` (the contract), `series` (what may be learnt), `interpolant` and its members `linear`,
-`spline`, `hermite`, `rbf` (with `kernel`, `leave_one_out`, `windows`), `cost`.
+`spline`, `hermite`, `rbf` (with `kernel`, `leave_one_out`, `windows`), `cost`. Over operating conditions instead
+of time: `conditions` (the contract), `between_conditions`, `condition_rbf`, `condition_mlp`, `condition_table`.
 
 Coefficients are arrays (snapshots, modes), times seconds:
 
@@ -12,6 +13,8 @@ Coefficients are arrays (snapshots, modes), times seconds:
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from surrogates.condition_table import CONDITION_SURROGATES
+from surrogates.conditions import ConditionSurrogate
 from surrogates.cost import Cost, measure_cost
 from surrogates.errors import InputError
 from surrogates.hermite import Hermite, RawHermite
@@ -25,7 +28,9 @@ SURROGATES: Mapping[str, type[Surrogate]] = MappingProxyType(
 )
 
 __all__ = [
+    "CONDITION_SURROGATES",
     "SURROGATES",
+    "ConditionSurrogate",
     "Cost",
     "Hermite",
     "InputError",

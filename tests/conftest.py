@@ -212,7 +212,7 @@ particles = "outside"
 def write_stirred() -> Callable[..., Path]:
     """Write a made-up run of stirred beads, whose fields turn with the phase of the rotor and grow with its speed.
 
-    Beads stand on a lattice, two at each place, with velocities a (cos, sin, 0) of the phase ± a/2; the fluid follows,
+    Beads stand on a lattice, two at each place, with velocities a (cos, sin, 1) of the phase ± a/2; the fluid follows,
     pressure is a² x (1 + cos/2), the void fraction 0.5 + 0.1 b z, with a and b functions of rpm / 1000. `noise` shakes
     everything at random from snapshot to snapshot.
     """
@@ -234,11 +234,11 @@ def write_stirred() -> Callable[..., Path]:
         count = periods * per_period + 1
         with RunWriter(
             path, **particles, n_snapshots=count, variables=names, grid=grid, provenance={"scene": text},
-            precision="double",
+            precision="double", beside=True,
         ) as run:  # fmt: skip
             for k in range(count):
                 turned = 2.0 * np.pi * k / per_period
-                way = np.array([np.cos(turned), np.sin(turned), 0.0])
+                way = np.array([np.cos(turned), np.sin(turned), 1.0])
                 values = {
                     "position": place,
                     "velocity": a(pace) * (way + sign),

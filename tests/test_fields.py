@@ -109,9 +109,9 @@ def test_the_solid_is_what_the_solver_itself_put_into_the_cells():
 
 
 def test_a_run_without_fluid_or_scene_has_no_fields(tmp_path, write_run):
-    with Run(write_run(tmp_path / "dry.h5", n_snapshots=2)) as run:
-        with pytest.raises(Refusal, match=r"dry.h5 has no fluid.velocity, fluid.pressure; fields on a grid"):
-            Eulerian(run)
+    says = r"dry.h5 has no fluid.velocity, fluid.pressure; fields on a grid"
+    with Run(write_run(tmp_path / "dry.h5", n_snapshots=2)) as run, pytest.raises(Refusal, match=says):
+        Eulerian(run)
 
 
 def test_a_run_that_does_not_say_its_scene_has_no_fields(tmp_path):
