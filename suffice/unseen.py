@@ -28,6 +28,13 @@ from surrogates import CONDITION_SURROGATES
 POWERS = {"void_fraction": 0, "solid_flux": 1, "agitation": 2, "fluid_flux": 1, "pressure": 2}  # of the tip speed
 SCALINGS = {"none": 0, "tip speed": 1}
 AVERAGES = ("phase", "time")
+COMPETITORS = {  # name of a regressor over conditions, and whether it sees the logarithm of the speed
+    "nearest": ("nearest", False),
+    "linear": ("linear", False),
+    "log-linear": ("linear", True),
+    "rbf": ("rbf", True),
+    "mlp": ("mlp", True),
+}
 HALVES = ("whole", "first half", "second half")
 
 
@@ -92,7 +99,7 @@ def compare_unseen(
 ) -> dict[str, Any]:
     """Predict the averaged fields of runs that differ in rotor speed alone at the speeds `held_out` (rpm).
 
-    surrogates: names in `CONDITION_SURROGATES`, default all; random ones are fitted with `seeds` seeds from `seed` on.
+    surrogates: names in `COMPETITORS`, default all; random ones are fitted with `seeds` seeds from `seed` on.
     bins: of the rotor's phase; start_up: turns that are left out. progress is called with (done, all).
     The answer, plain types ready for JSON, holds `runs` and `cases`, one per average (over phase bins, over time) and
     scaling (none, or fields divided by the powers of the tip speed that their units ask for), each with its `rows`.
@@ -179,9 +186,9 @@ def spreads(training: Sequence[Averages]) -> dict[str, float]:
 
 def _known(asked: Sequence[str] | None) -> list[str]:
     for name in asked or ():
-        if name not in CONDITION_SURROGATES:
-            raise Refusal(f"surrogate {name!r} is not known here; use {', '.join(CONDITION_SURROGATES)}")
-    return list(dict.fromkeys(asked or CONDITION_SURROGATES))
+        if name not in COMPETITORS:
+            raise Refusal(f"surrogate {name!r} is not known here; use {', '.join(COMPETITORS)}")
+    return list(dict.fromkeys(asked or COMPETITORS))
 
 
 def _facts(run: Run, found: Averages) -> dict[str, Any]:
@@ -211,7 +218,7 @@ def _compared(case: Case, names: Sequence[str], seed: int, seeds: int, advance: 
     coefficients = basis.project(columns)
     rows = []
     for name in names:
-        tries = range(seed, seed + (seeds if CONDITION_SURROGATES[name].random else 1))
+        tries = range(seed, seed + (seeds if CONDITION_SURROGATES[COMPETITORS[name][0]].random else 1))
         rows.append(_row(name, [_trial(case, basis, coefficients, name, s) for s in tries]))
         advance()
     return {
@@ -227,7 +234,8 @@ def _compared(case: Case, names: Sequence[str], seed: int, seeds: int, advance: 
 
 
 def _trial(case: Case, basis: Basis, coefficients: Array, name: str, seed: int) -> Trial:
-    surrogate = CONDITION_SURROGATES[name](phase=case.phase, seed=seed)
+    regressor, logarithmic = COMPETITORS[name]
+    surrogate = CONDITION_SURROGATES[regressor](phase=case.phase, logarithmic=logarithmic, seed=seed)
     surrogate.fit(case.conditions(case.training), coefficients)
     began = perf_counter()
     predicted = basis.reconstruct(surrogate.predict(case.conditions(case.held_out)))

@@ -44,9 +44,16 @@ class MlpCondition(ConditionSurrogate):
     random: ClassVar[bool] = True
 
     def __init__(
-        self, *, phase: bool = False, seed: int = 0, width: int = 64, steps: int = 800, learning_rate: float = 0.02
+        self,
+        *,
+        phase: bool = False,
+        logarithmic: bool = False,
+        seed: int = 0,
+        width: int = 64,
+        steps: int = 800,
+        learning_rate: float = 0.02,
     ) -> None:
-        super().__init__(phase=phase, seed=seed)
+        super().__init__(phase=phase, logarithmic=logarithmic, seed=seed)
         self.width, self.steps, self.learning_rate = width, steps, learning_rate
 
     def _fit(self, samples: Samples) -> None:

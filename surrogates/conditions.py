@@ -26,7 +26,9 @@ class ConditionSurrogate(ABC):
     """Contract of all regressors over conditions: `fit(conditions, values)`, `predict(conditions)`.
 
     With `phase` the last two columns of the conditions are cosine and sine of a phase; the columns before it, one or
-    more, are the operating condition, any unit. Hyperparameters enter at construction, fitted attributes end in `_`.
+    more, are the operating condition, any unit. With `logarithmic` their logarithms count: speeds of equal ratio are
+    equally far apart there, as they are for a flow that Froude and Reynolds numbers govern.
+    Hyperparameters enter at construction, fitted attributes end in `_`.
     """
 
     name: ClassVar[str]
@@ -36,14 +38,14 @@ class ConditionSurrogate(ABC):
     highest_: Array
     fit_seconds_: float  # wall time of `fit`
 
-    def __init__(self, *, phase: bool = False, seed: int = 0) -> None:
-        self.phase, self.seed = phase, seed
+    def __init__(self, *, phase: bool = False, logarithmic: bool = False, seed: int = 0) -> None:
+        self.phase, self.logarithmic, self.seed = phase, logarithmic, seed
 
     def fit(self, conditions: ArrayLike, values: ArrayLike) -> Self:
         """Learn `values` (samples, modes) at `conditions` (samples, d), at two operating conditions or more.
 
         Raises InputError: shapes that do not fit, NaN, one operating condition alone, a sample given twice, a phase off
-        its circle.
+        its circle, with `logarithmic` one that is not positive.
         """
         x, y = _table("conditions", conditions), _table("values", values)
         self._check_columns(x)
@@ -92,7 +94,9 @@ class ConditionSurrogate(ABC):
     def _scaled(self, conditions: Array) -> Array:
         """Operating conditions from 0 to 1 within the fitted range; the phase's columns as they are."""
         scaled, n = conditions.copy(), self._operating(conditions)
-        scaled[:, :n] = (conditions[:, :n] - self.lowest_) / (self.highest_ - self.lowest_)
+        parts = conditions[:, :n], self.lowest_, self.highest_
+        x, low, high = (np.log(part) for part in parts) if self.logarithmic else parts
+        scaled[:, :n] = (x - low) / (high - low)
         return scaled
 
     def _check_columns(self, conditions: Array) -> None:
@@ -101,6 +105,8 @@ class ConditionSurrogate(ABC):
                 f"conditions has {conditions.shape[1]} columns; give an operating condition"
                 + (" before the cosine and sine of the phase" if self.phase else "")
             )
+        if self.logarithmic and (conditions[:, : self._operating(conditions)] <= 0.0).any():
+            raise InputError("conditions: some are not positive and have no logarithm; leave out logarithmic")
         if self.phase and (np.abs(np.hypot(*conditions[:, -2:].T) - 1.0) > ROUND).any():
             raise InputError("conditions: the last two columns are no cosine and sine; give those of the phase")
 

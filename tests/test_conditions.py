@@ -71,9 +71,7 @@ def test_a_phase_has_no_outside(name):
 
 @pytest.mark.parametrize("name", EVERY)
 def test_the_same_seed_gives_the_same_predictions_bitwise(name):
-    first, second = (
-        quick(name, seed=3).fit(SPEEDS[:, None], SPEEDS[:, None] ** 2).predict([[800.0]]) for _ in "ab"
-    )
+    first, second = (quick(name, seed=3).fit(SPEEDS[:, None], SPEEDS[:, None] ** 2).predict([[800.0]]) for _ in "ab")
     np.testing.assert_array_equal(first, second)
 
 
@@ -150,6 +148,17 @@ def test_rbf_is_chosen_by_a_speed_left_out_and_smooths_what_is_noise():
     asked = sampled([700.0, 1300.0], np.arange(8) / 8)
     # 48 samples for a plane in three dimensions: better than any single one of them
     assert np.sqrt(((fitted.predict(asked) - waves(asked)) ** 2).mean()) < 0.3
+
+
+def test_powers_of_the_speed_are_straight_lines_over_its_logarithm():
+    values = np.log(SPEEDS)[:, None]
+    for name in ("linear", "rbf"):
+        fitted = CONDITION_SURROGATES[name](logarithmic=True).fit(SPEEDS[:, None], values)
+        assert fitted.predict([[800.0]])[0, 0] == pytest.approx(np.log(800.0), rel=1e-9)
+        with pytest.raises(InputError, match="lies outside the fitted range 400 to 1600"):
+            fitted.predict([[1700.0]])
+        with pytest.raises(InputError, match="not positive and have no logarithm"):
+            fitted.fit(SPEEDS[:, None] - 400.0, values)
 
 
 def test_two_speeds_are_enough_for_every_regressor():
