@@ -24,6 +24,7 @@ from suffice.section import Section
 from suffice.unseen_section import unseen_section
 from suffice.verdicts import feasibility_table, table_legend, verdict_items
 from suffice.wording import bytes_text, escape, number, seconds_text
+from suffice.worth import observables_section, winners_section
 
 Results = Mapping[str, Any]
 
@@ -37,8 +38,9 @@ def write_report(results: Results, path: str | Path) -> None:
 
     results: `study`, `run`, `select` (as `select --json` writes it), `curves` {variable: {Δτ: curves}}, `spectrum`
     {variable: {Δτ: I(p)}}, `convergence` {variable: curves against steps, and `modes`}, `compare` (as
-    `compare` answers), `unseen` (as `compare_unseen`), `stages`, `series` with its `times`, `provenance`; any may be
-    missing, and its section is left out. Everything shown is escaped; the page loads nothing.
+    `compare` answers), `observables` (a list, as `compare_observables` answers), `unseen` (as `compare_unseen`),
+    `stages`, `series` with its `times`, `provenance`; any may be missing, and its section is left out. Everything shown
+    is escaped; the page loads nothing.
     Raises `Refusal` when the page cannot be written.
     """
     page, target = render(results), Path(path)
@@ -60,6 +62,8 @@ def render(results: Results) -> str:
         _spectrum,
         _convergence,
         _error,
+        winners_section,
+        observables_section,
         _tradeoff,
         unseen_section,
         _ledger,

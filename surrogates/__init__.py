@@ -1,8 +1,11 @@
 """Surrogates of the coefficients of the modes: regressors that predict c(t) from what the snapshots show.
 
 Reading order: `surrogate` (the contract), `series` (what may be learnt), `interpolant` and its members `linear`,
-`spline`, `hermite`, `rbf` (with `kernel`, `leave_one_out`, `windows`), `cost`. Over operating conditions instead
-of time: `conditions` (the contract), `between_conditions`, `condition_rbf`, `condition_mlp`, `condition_table`.
+`spline`, `hermite`, `rbf` (with `kernel`, `leave_one_out`, `windows`), `gp` (with `matern`, `kalman`), `persistence`,
+`ballistic`; `state_map` and its members `dmd` (with `past`, `companion`) and `rbf_map`; `network` (with `training`,
+`regression`, `training_state`) and its members `mlp` and `lstm` (with `autoregression`); `cost`. Over operating
+conditions instead of time: `conditions` (the contract), `between_conditions`, `condition_rbf`, `condition_mlp`,
+`condition_table`.
 
 Coefficients are arrays (snapshots, modes), times seconds:
 
@@ -13,32 +16,58 @@ Coefficients are arrays (snapshots, modes), times seconds:
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from surrogates.ballistic import Ballistic
 from surrogates.condition_table import CONDITION_SURROGATES
 from surrogates.conditions import ConditionSurrogate
 from surrogates.cost import Cost, measure_cost
+from surrogates.dmd import Dmd
 from surrogates.errors import InputError
+from surrogates.gp import Gp
 from surrogates.hermite import Hermite, RawHermite
 from surrogates.linear import Linear, RawLinear
+from surrogates.lstm import Lstm
+from surrogates.mlp import Mlp
+from surrogates.network import Network
+from surrogates.persistence import Persistence
 from surrogates.rbf import Rbf
+from surrogates.rbf_map import RbfMap
 from surrogates.spline import Spline
+from surrogates.state_map import StateMap
 from surrogates.surrogate import Surrogate
 
 SURROGATES: Mapping[str, type[Surrogate]] = MappingProxyType(
-    {member.name: member for member in (Rbf, Spline, Hermite, Linear, RawHermite, RawLinear)}
+    {
+        member.name: member
+        for member in (
+            *(Rbf, Spline, Hermite, Gp, Linear),
+            *(Dmd, RbfMap),
+            *(Mlp, Lstm),
+            *(RawHermite, RawLinear, Ballistic, Persistence),
+        )
+    }
 )
 
 __all__ = [
     "CONDITION_SURROGATES",
     "SURROGATES",
+    "Ballistic",
     "ConditionSurrogate",
     "Cost",
+    "Dmd",
+    "Gp",
     "Hermite",
     "InputError",
     "Linear",
+    "Lstm",
+    "Mlp",
+    "Network",
+    "Persistence",
     "RawHermite",
     "RawLinear",
     "Rbf",
+    "RbfMap",
     "Spline",
+    "StateMap",
     "Surrogate",
     "measure_cost",
 ]

@@ -6,6 +6,7 @@ import torch
 from torch import Tensor, nn
 
 from surrogates.conditions import Array, ConditionSurrogate, Samples
+from surrogates.network import seeded, single, zeroed
 from surrogates.training import Samples as Shown
 from surrogates.training import Training, train
 
@@ -19,12 +20,8 @@ class ConditionNetwork(nn.Module):
         super().__init__()
         self.straight = nn.Linear(inputs, outputs)
         self.bent = nn.Sequential(
-            nn.Linear(inputs, width), nn.SiLU(), nn.Linear(width, width), nn.SiLU(), nn.Linear(width, outputs)
+            nn.Linear(inputs, width), nn.SiLU(), nn.Linear(width, width), nn.SiLU(), zeroed(nn.Linear(width, outputs))
         )
-        last = self.bent[-1]
-        assert isinstance(last, nn.Linear)
-        nn.init.zeros_(last.weight)
-        nn.init.zeros_(last.bias)
 
     def forward(self, conditions: Tensor) -> Tensor:
         """Scaled values (samples, outputs) at scaled conditions (samples, inputs)."""
@@ -60,13 +57,12 @@ class MlpCondition(ConditionSurrogate):
         self.middle_ = samples.values.mean(axis=0)
         self.scale_ = float((samples.values - self.middle_).std()) or 1.0
         targets = (samples.values - self.middle_) / self.scale_
-        with torch.random.fork_rng():
-            torch.manual_seed(self.seed)
-            self.network_ = ConditionNetwork(samples.conditions.shape[1], targets.shape[1], self.width)
+        sizes = samples.conditions.shape[1], targets.shape[1], self.width
+        self.network_ = seeded(lambda: ConditionNetwork(*sizes), self.seed)
         settings = Training(
             steps=self.steps, learning_rate=self.learning_rate, weight_decay=DECAY, patience=None, seed=self.seed
         )
-        shown = Shown((self._inputs(samples.conditions),), torch.tensor(targets, dtype=torch.float32))
+        shown = Shown((self._inputs(samples.conditions),), single(targets))
         self.trained_ = train(self.network_, shown, None, settings)
 
     def _inputs(self, conditions: Array) -> Tensor:
@@ -74,7 +70,7 @@ class MlpCondition(ConditionSurrogate):
         n = self._operating(conditions)
         centred = conditions.copy()
         centred[:, :n] = 2.0 * conditions[:, :n] - 1.0
-        return torch.tensor(centred, dtype=torch.float32)
+        return single(centred)
 
     def _predict(self, conditions: Array) -> Array:
         with torch.no_grad():

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogates.series import Series, checked_series
-from surrogates.surrogate import Kind, Surrogate
+from surrogates.surrogate import EDGE, Kind, Surrogate
 
 
 class Interpolant(Surrogate):
@@ -37,3 +37,9 @@ def place(times: NDArray[np.float64], knots: NDArray[np.float64]) -> tuple[NDArr
     """Interval i and fraction s of each time: t = t_i + s (t_{i+1} - t_i); outside the knots s leaves [0, 1]."""
     i = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 2)
     return i, (times - knots[i]) / (knots[i + 1] - knots[i])
+
+
+def last_before(times: NDArray[np.float64], series: Series) -> NDArray[np.intp]:
+    """Last snapshot at or before each time, up to rounding; the first where there is none."""
+    late = np.searchsorted(series.times, times + EDGE * series.interval, side="right") - 1
+    return np.asarray(np.maximum(late, 0))

@@ -29,6 +29,8 @@ class Surrogate(ABC):
     name: ClassVar[str]
     kind: ClassVar[Kind]
     needs_rates: ClassVar[bool] = False
+    uses_rates: ClassVar[bool] = False  # needs none, but learns from them where they are given
+    bridges: ClassVar[bool] = True  # answers between the snapshots; a mere state map only steps from the last ones
     takes_parameters: ClassVar[bool] = False
     raw: ClassVar[bool] = False
 
@@ -46,15 +48,15 @@ class Surrogate(ABC):
         """Learn `values` (snapshots, modes) given at `times` (snapshots,) s; returns itself.
 
         `rates` (snapshots, modes) are d(values)/dt: of coefficients, the velocity snapshots projected on the modes
-        without subtracting a mean. They are ignored where `needs_rates` is false. `parameters` (snapshots, parameters)
-        is the operating condition.
+        without subtracting a mean; a member that neither needs nor uses them ignores them. `parameters` (snapshots,
+        parameters) is the operating condition.
 
         Raises InputError: see `checked_series`; rates missing; parameters given to a member that takes none.
         """
         if self.needs_rates and rates is None:
             raise InputError(f"rates is missing; {self.name} needs d(values)/dt of every snapshot, save velocities too")
         self._refuse_unused(parameters=parameters)
-        given = rates if self.needs_rates else None
+        given = rates if self.needs_rates or self.uses_rates else None
         series = checked_series(times, values, given, parameters, copy=not self.raw)
         begin = perf_counter()
         self._fit(series)
@@ -72,9 +74,9 @@ class Surrogate(ABC):
     ) -> NDArray[np.float64]:
         """Values (times, modes) at `times` (any count and order,) s.
 
-        `start` (modes,) is the state a state map is rolled out from; a regressor in time refuses it. Times outside
-        `window_` are refused unless `beyond`: there nothing was measured, and a regressor in time merely continues its
-        last expression.
+        `start` is the state a state map is rolled out from, see `StateMap`; a regressor in time refuses it. Times
+        outside `window_` are refused unless `beyond`: there nothing was measured, and a regressor in time merely
+        continues its last expression.
 
         Raises InputError: not fitted; a time that is not finite or outside the window; start or parameters unused.
         """
@@ -157,3 +159,19 @@ def saved_numbers(state: Mapping[str, NDArray[Any]], name: str, count: int) -> l
             f"array {name!r} of the model has to be {count} finite numbers; the file is damaged, save it again"
         )
     return [float(number) for number in numbers]
+
+
+def saved_table(
+    state: Mapping[str, NDArray[Any]], name: str, shape: tuple[int, ...] | None = None
+) -> NDArray[np.float64]:
+    """Read the saved array `name` as finite numbers of two dimensions, of this shape if one is given.
+
+    Raises InputError; KeyError if it is missing.
+    """
+    table = np.array(state[name], dtype=np.float64)
+    if table.ndim != 2 or 0 in table.shape or (shape and table.shape != shape) or not np.isfinite(table).all():
+        raise InputError(
+            f"array {name!r} of the model has shape {table.shape} or holds what is no number; the file is damaged, "
+            "save it again"
+        )
+    return table

@@ -1,0 +1,148 @@
+"""Dynamic mode decomposition: the linear map that best steps from one snapshot to the next."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogates.companion import companion, drawn_back
+from surrogates.errors import InputError
+from surrogates.past import Array, Past, parts
+from surrogates.series import Series
+from surrogates.state_map import LOST, StateMap
+from surrogates.surrogate import saved_table
+
+RIDGES = (np.inf, *(10.0**k for k in range(1, -16, -1)), 0.0)  # of the largest singular value squared, stiffest first
+LEVERAGE = 1e-10  # least of 1 - leverage of a part left out: below it the error left out is a quotient of roundings
+EQUAL = 1e-9  # errors below this fraction of the largest value: the shortest past wins
+ROUNDING = 1e-13  # errors below this one: the stiffest ridge wins
+GROWING = 1e-4  # per step: growth that the eigenvalues of an exact parabola show by rounding alone
+
+
+class Trial(NamedTuple):
+    """One choice of memory and ridge, and its error on parts of the series left out."""
+
+    memory: int
+    ridge: float
+    error: float  # RMS of the step's error, the norm over modes, unit of the values
+
+
+class Dmd(StateMap):
+    """c_{i+1} = c_i + B z_i with z_i the last states and their differences, B by ridge regression.
+
+    min Σ_i |c_{i+1} - c_i - B z_i|² + ρ s₁² |B|², s₁ the largest singular value of the points z: well posed with more
+    modes than snapshots, and at ρ = ∞ persistence. The past read (at most `memory` states) and ρ are those with the
+    least error on five parts of the series, each left out in turn. Leaving out one snapshot would not do: it stands
+    between two that nearly equal it, and of a shaken bed the map so chosen was worse than persistence.
+
+    With `stable`, eigenvalues of the map beyond the unit circle are drawn back onto it, phase kept, in the real Schur
+    form of the delayed state, which is well conditioned where eigenvectors are not; `growing_` of them were. A growing
+    signal then stays at the amplitude it has; pass stable=False to let it grow.
+    (Schmid 2010, doi 10.1017/S0022112010001217; delays: Arbabi and Mezić 2017, doi 10.1137/17M1125236.)
+    """
+
+    name: ClassVar[str] = "dmd"
+
+    trials_: list[Trial]  # all that was tried; empty in a loaded model
+    growing_: int  # eigenvalues that were drawn back onto the unit circle
+    radius_: float  # largest modulus of an eigenvalue before that
+
+    def __init__(self, memory: int = 3, *, stable: bool = True) -> None:
+        if memory < 1:
+            raise InputError(f"memory is {memory} snapshots; a step reads at least 1, 2 know a velocity")
+        self.memory, self.stable = memory, stable
+
+    def _learn(self, series: Series) -> None:
+        values = np.asarray(series.values, dtype=np.float64)
+        scale = float(np.abs(values - values.mean(axis=0)).max()) or 1.0
+        deepest = min(self.memory_, max(1, (len(values) - 1) // 2))
+        trials = [trial for memory in range(1, deepest + 1) for trial in _tried(values / scale, memory, deepest)]
+        best = min(trials, key=lambda trial: (max(trial.error, EQUAL), trial.memory, max(trial.error, ROUNDING)))
+        self.trials_ = [trial._replace(error=trial.error * scale) for trial in trials]
+        self.memory_, past = best.memory, Past.of(values, best.memory)
+        self.centre_, self.growing_ = past.centre, 0
+        linear, self.drift_ = _fitted(past, values, best.ridge)
+        self.matrix_ = companion(past, linear)
+        self.radius_ = float(np.abs(np.linalg.eigvals(self.matrix_)).max())
+        if self.stable and self.radius_ > 1 + GROWING:
+            self.matrix_, self.growing_ = drawn_back(self.matrix_, 1 + GROWING)
+
+    def _step(self, history: Array) -> Array:
+        return self.matrix_[: len(self.centre_)] @ self._delayed(history) + self.drift_ + self.centre_
+
+    def _delayed(self, history: Array) -> Array:
+        return np.asarray((history - self.centre_)[::-1].ravel())
+
+    def _rollout(self, history: Array, count: int) -> Array:
+        """Carry the delayed state along: drawn back, the map is no longer that of a state and its own past alone."""
+        path, modes, state = [*history], len(self.centre_), self._delayed(history)
+        with np.errstate(all="ignore"):
+            while len(path) < count:
+                state = self.matrix_ @ state
+                state[:modes] += self.drift_
+                if not np.abs(state).max() < LOST:
+                    break
+                path.append(state[:modes] + self.centre_)
+        return np.array(path)
+
+    def _learnt(self) -> dict[str, NDArray[Any]]:
+        growth = np.array([[self.radius_, self.growing_]])
+        return {"offsets": np.array([self.centre_, self.drift_]), "matrix": self.matrix_, "growth": growth}
+
+    def _recall(self, state: Mapping[str, NDArray[Any]]) -> None:
+        memory, modes = self.first_.shape
+        self.centre_, self.drift_ = saved_table(state, "offsets", (2, modes))
+        self.matrix_ = saved_table(state, "matrix", (memory * modes, memory * modes))
+        self.radius_, growing = saved_table(state, "growth", (1, 2))[0].tolist()
+        self.growing_, self.trials_ = int(growing), []
+
+
+def _tried(values: Array, memory: int, deepest: int) -> Iterator[Trial]:
+    """Every ridge with this memory, on the same steps whatever the memory: those with `deepest` states before them."""
+    points = _points(Past.of(values, memory), values)[deepest - memory :]
+    steps = np.diff(values, axis=0)[deepest - 1 :]
+    left, singular, _ = np.linalg.svd(points, full_matrices=False)
+    for ridge in RIDGES:
+        yield Trial(memory, ridge, _error_left_out(left * np.sqrt(_kept(singular, ridge)), steps))
+
+
+def _fitted(past: Past, values: Array, ridge: float) -> tuple[Array, Array]:
+    """B (memory · modes, modes) and the drift b (modes,) from all steps."""
+    left, singular, right = np.linalg.svd(_points(past, values), full_matrices=False)
+    weights = _kept(singular, ridge) / np.where(singular > 0, singular, 1.0)
+    fitted = right.T @ (weights[:, None] * (left.T @ np.diff(values, axis=0)[past.memory - 1 :]))
+    return fitted[:-1], fitted[-1]
+
+
+def _points(past: Past, values: Array) -> Array:
+    """Points that steps start from, each with a 1 for the drift, (steps, memory · modes + 1)."""
+    points = past.points(values)[:-1]
+    return np.column_stack([points, np.ones(len(points))])
+
+
+def _kept(singular: Array, ridge: float) -> Array:
+    """Share of each singular direction that the ridge leaves, s²/(s² + ρ s₁²); without one all above rounding."""
+    if ridge == np.inf or singular[0] == 0:
+        return np.zeros_like(singular)
+    if ridge == 0:
+        return np.where(singular > len(singular) * np.finfo(np.float64).eps * singular[0], 1.0, 0.0)
+    square = (singular / singular[0]) ** 2
+    return np.asarray(square / (square + ridge))
+
+
+def _error_left_out(root: Array, steps: Array) -> float:
+    """RMS error of the steps in each part by the fit to the others, (1 - H_BB)⁻¹ (y - H y)_B with H = R Rᵀ.
+
+    Infinite where the others do not determine the fit.
+    """
+    rest, total = steps - root @ (root.T @ steps), 0.0
+    for part in parts(len(steps)):
+        half = root[part]
+        wide = half.shape[0] <= half.shape[1]
+        small = half @ half.T if wide else half.T @ half
+        if np.linalg.eigvalsh(small)[-1] > 1 - LEVERAGE:
+            return np.inf
+        solved = np.linalg.solve(np.eye(len(small)) - small, rest[part] if wide else half.T @ rest[part])
+        total += float(((solved if wide else rest[part] + half @ solved) ** 2).sum())
+    return float(np.sqrt(total / len(steps)))

@@ -1,0 +1,83 @@
+"""Training of every network: what it is shown, how long, and which of its states is kept."""
+
+from collections.abc import Callable
+from pathlib import Path
+from time import perf_counter
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from surrogates.errors import InputError
+
+
+class Samples(NamedTuple):
+    """What a network is asked and what it should answer, both scaled to the size of one."""
+
+    inputs: tuple[Tensor, ...]  # (samples, …) each
+    targets: Tensor  # (samples, …)
+
+    def some(self, which: Tensor) -> "Samples":
+        """Return those of these numbers."""
+        return Samples(tuple(part[which] for part in self.inputs), self.targets[which])
+
+
+class Training(NamedTuple):
+    """How a network is trained."""
+
+    steps: int = 2000  # of the optimiser (AdamW)
+    learning_rate: float = 3e-3  # at first; it falls to nothing along a cosine
+    weight_decay: float = 0.0
+    batch: int | None = None  # samples of a step, default all
+    checks: int = 40  # times that the validation error is measured on the way
+    patience: int | None = 10  # checks without a better one after which it stops; None: it goes on
+    max_seconds: float | None = None
+    seed: int = 0
+    folder: Path | None = None  # for the states and a log; None: nothing is written
+    resume: bool = False  # go on from the last state in the folder
+    report: Callable[[int, int], None] | None = None  # called with (steps done, all steps)
+
+
+class Trained(NamedTuple):
+    """How a training went; the network has its best weights."""
+
+    steps: int  # done
+    best_step: int  # after which the weights that are kept were measured
+    error: float  # then, RMS over the validation samples
+    seconds: float
+    reason: str  # why it stopped
+
+
+def check_training(settings: Training) -> None:
+    """Raise InputError for a number of steps, a rate or a time that no training can have."""
+    for name, value, least in (("steps", settings.steps, 1), ("checks", settings.checks, 1)):
+        if value < least:
+            raise InputError(f"{name} is {value}; give at least {least}")
+    for name, number in (("learning_rate", settings.learning_rate), ("max_seconds", settings.max_seconds)):
+        if number is not None and not 0.0 < number < float("inf"):
+            raise InputError(f"{name} is {number:g}; give a positive number")
+    if settings.resume and settings.folder is None:
+        raise InputError("resume is asked for without a folder; name the folder that the training was written to")
+
+
+def train(network: nn.Module, training: Samples, validation: Samples | None, settings: Training) -> Trained:
+    """Minimise the mean square error over the training samples, and keep the weights of the least validation error.
+
+    One AdamW optimiser, its rate on a cosine; without validation samples the training samples are measured. The same
+    seed gives the same weights on a CPU. A GPU is used if there is one; the network comes back to the CPU.
+    Raises InputError for settings that cannot be, and where the error grows without bound from the first steps on;
+    later on a divergence ends the training, the best weights so far are kept and the reason says so.
+    """
+    from surrogates.regression import fit_network  # Lightning takes seconds to load
+
+    check_training(settings)
+    begin = perf_counter()
+    with torch.random.fork_rng(devices=range(torch.cuda.device_count())):
+        torch.manual_seed(settings.seed)
+        kept = fit_network(network, training, validation or training, settings)
+    if kept.best_step == 0 and kept.diverged_at is not None:
+        raise InputError(
+            f"learning_rate is {settings.learning_rate:g}: the training error grew without bound by step "
+            f"{kept.diverged_at}; give a tenth of it"
+        )
+    return Trained(kept.steps, kept.best_step, kept.best_error, perf_counter() - begin, kept.reason(settings))
