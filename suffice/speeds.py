@@ -17,7 +17,7 @@ from suffice.results import UNSEEN
 from suffice.rotor import rotor_of
 from suffice.run import Run
 from suffice.stages import Settings, Stage, scene_in, simulation_stage
-from suffice.unseen import compare_unseen
+from suffice.unseen import compare_unseen, known_competitors
 
 
 class Speeds(Settings):
@@ -48,8 +48,9 @@ def speed_stages(
 ) -> list[Stage]:
     """Return the stages that run a scene at every speed and predict the unseen ones.
 
-    Raises Refusal or InputError for a scene that cannot be used, or has not one rotor.
+    Raises Refusal or InputError for a scene that cannot be used or has not one rotor, or an unknown surrogate.
     """
+    known_competitors(speeds.surrogates)
     text = scene_in(scene, home)
     runs = [folder / f"{rpm:g}_rpm.h5" for rpm in speeds.rpm]
     simulations = [

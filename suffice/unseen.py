@@ -106,7 +106,7 @@ def compare_unseen(
     Raises `Refusal` for fewer than three speeds, speeds held out that are unknown or not inside, or runs that differ in
     more than their speed.
     """
-    names = _known(surrogates)
+    names = known_competitors(surrogates)
     work = len(runs) + len(AVERAGES) * len(SCALINGS) * len(names)
     done = 0
 
@@ -184,7 +184,8 @@ def spreads(training: Sequence[Averages]) -> dict[str, float]:
     return found
 
 
-def _known(asked: Sequence[str] | None) -> list[str]:
+def known_competitors(asked: Sequence[str] | None) -> list[str]:
+    """Return the names of surrogates to compare, default all. Raises `Refusal` for one that is not known."""
     for name in asked or ():
         if name not in COMPETITORS:
             raise Refusal(f"surrogate {name!r} is not known here; use {', '.join(COMPETITORS)}")

@@ -107,6 +107,13 @@ def test_a_study_of_speeds_has_a_scene_and_no_other_question(tmp_path, extra, sa
         load_study(str(tmp_path / "my.toml"))
 
 
+def test_an_unknown_surrogate_is_refused_before_anything_runs(tmp_path):
+    (tmp_path / "my.toml").write_text(STUDY.replace('"rbf"', '"oracle"'))
+    with pytest.raises(Refusal, match="surrogate 'oracle' is not known here; use nearest"):
+        run_study(str(tmp_path / "my.toml"), tmp_path / "out", Reporter(as_json=True), print)
+    assert not (tmp_path / "out").exists()
+
+
 def ran(folder):
     said = []
     run_study(str(folder / "my.toml"), folder / "out", Reporter(as_json=True), said.append)
