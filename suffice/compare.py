@@ -87,7 +87,7 @@ def compare(
     few snapshots, limits that cannot be applied, or when nothing at all can be compared.
     """
     names = known_surrogates(surrogates)
-    asked = _default_variables(run) if variables is None else list(dict.fromkeys(variables))
+    asked = default_variables(run) if variables is None else list(dict.fromkeys(variables))
     diameter, limits = mean_diameter(run), Limits(max_error, error_unit, max_seconds)
     if not 0 < energy <= 1:
         raise Refusal(f"energy is {energy:g}; it must be a share above 0 and at most 1, for example 0.999")
@@ -95,7 +95,7 @@ def compare(
     subsets = _subsets(run, intervals)
     found = Comparison([], [], [])
     for i, name in enumerate(asked):
-        values, rates = _held(run, name), _held_rates(run, name, names)
+        values, rates = held(run, name), held_rates(run, name, names)
         for j, subset in enumerate(subsets):
             if progress:
                 progress(i * len(subsets) + j, len(asked) * len(subsets))
@@ -143,7 +143,8 @@ def known_surrogates(asked: Sequence[str] | None) -> list[str]:
     return list(dict.fromkeys(asked))
 
 
-def _default_variables(run: Run) -> list[str]:
+def default_variables(run: Run) -> list[str]:
+    """Return the components of position and velocity, all variables where there are none."""
     return [name for name in run.variables if name.startswith(QUANTITIES_COMPARED)] or run.variables
 
 
@@ -162,19 +163,19 @@ def _subsets(run: Run, intervals: Sequence[float] | None) -> list[Subset]:
     return subsets
 
 
-def _held(run: Run, name: str) -> RowSource:
+def held(run: Run, name: str) -> RowSource:
     """Return a variable, in memory if it is small enough."""
     variable = run.variable(name)
     small = variable.shape[0] * variable.shape[1] * variable.dtype.itemsize <= HELD_BYTES
     return variable[:] if small else variable
 
 
-def _held_rates(run: Run, name: str, surrogates: Sequence[str]) -> RowSource | None:
+def held_rates(run: Run, name: str, surrogates: Sequence[str]) -> RowSource | None:
     """Return the derivative of a position, the stored velocity, if there is one and a surrogate asks for it."""
     rate = name.replace("position", "velocity", 1)
     stored = rate in run.variables or f"{rate}.x" in run.variables
     needed = any(SURROGATES[surrogate].needs_rates for surrogate in surrogates)
-    return _held(run, rate) if name.startswith("position") and stored and needed else None
+    return held(run, rate) if name.startswith("position") and stored and needed else None
 
 
 def _compare_case(found: Comparison, case: Case, place: Place, names: Sequence[str], energy: float) -> None:

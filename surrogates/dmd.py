@@ -1,6 +1,6 @@
 """Dynamic mode decomposition: the linear map that best steps from one snapshot to the next."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -26,19 +26,21 @@ class Trial(NamedTuple):
     memory: int
     ridge: float
     error: float  # RMS of the step's error, the norm over modes, unit of the values
+    scatter: float  # standard error of it, from one part left out to the next
 
 
 class Dmd(StateMap):
     """c_{i+1} = c_i + B z_i with z_i the last states and their differences, B by ridge regression.
 
-    min Σ_i |c_{i+1} - c_i - B z_i|² + ρ s₁² |B|², s₁ the largest singular value of the points z: well posed with more
-    modes than snapshots, and at ρ = ∞ persistence. The past read (at most `memory` states) and ρ are those with the
-    least error on five parts of the series, each left out in turn. Leaving out one snapshot would not do: it stands
-    between two that nearly equal it, and of a shaken bed the map so chosen was worse than persistence.
+    min Σ_i |c_{i+1} - c_i - B z_i|² + ρ s₁² |B|², s₁ the largest singular value of the points z, a 1 for the drift
+    among them: well posed with more modes than snapshots, and at ρ = ∞ persistence. ρ is that with the least error on
+    five parts of the series, each left out in turn; the past is the shortest, of at most `memory` states, that comes
+    within one standard error of the best. Leaving out one snapshot would not do: it stands between two that nearly
+    equal it, and of a shaken bed the map so chosen was worse than persistence.
 
-    With `stable`, eigenvalues of the map beyond the unit circle are drawn back onto it, phase kept, in the real Schur
-    form of the delayed state, which is well conditioned where eigenvectors are not; `growing_` of them were. A growing
-    signal then stays at the amplitude it has; pass stable=False to let it grow.
+    With `stable`, eigenvalues of the map outside the unit circle are drawn back onto it, phase kept; `growing_` of them
+    were, the largest had the modulus `radius_`. A growing signal then stays near the amplitude it has reached; pass
+    stable=False to let it grow.
     (Schmid 2010, doi 10.1017/S0022112010001217; delays: Arbabi and Mezić 2017, doi 10.1137/17M1125236.)
     """
 
@@ -58,8 +60,8 @@ class Dmd(StateMap):
         scale = float(np.abs(values - values.mean(axis=0)).max()) or 1.0
         deepest = min(self.memory_, max(1, (len(values) - 1) // 2))
         trials = [trial for memory in range(1, deepest + 1) for trial in _tried(values / scale, memory, deepest)]
-        best = min(trials, key=lambda trial: (max(trial.error, EQUAL), trial.memory, max(trial.error, ROUNDING)))
-        self.trials_ = [trial._replace(error=trial.error * scale) for trial in trials]
+        best = _chosen(trials)
+        self.trials_ = [trial._replace(error=trial.error * scale, scatter=trial.scatter * scale) for trial in trials]
         self.memory_, past = best.memory, Past.of(values, best.memory)
         self.centre_, self.growing_ = past.centre, 0
         linear, self.drift_ = _fitted(past, values, best.ridge)
@@ -98,13 +100,25 @@ class Dmd(StateMap):
         self.growing_, self.trials_ = int(growing), []
 
 
+def _chosen(trials: Sequence[Trial]) -> Trial:
+    """Shortest past with which some ridge errs no more than the best by its standard error; of its ridges the best.
+
+    A longer past than needed fits the next step as well and goes astray sooner: of a shaken bed five steps ahead by a
+    half.
+    """
+    best = min(trials, key=lambda trial: trial.error)
+    memory = min(trial.memory for trial in trials if trial.error <= max(best.error + best.scatter, EQUAL))
+    same = [trial for trial in trials if trial.memory == memory]
+    return min(same, key=lambda trial: max(trial.error, ROUNDING))
+
+
 def _tried(values: Array, memory: int, deepest: int) -> Iterator[Trial]:
     """Every ridge with this memory, on the same steps whatever the memory: those with `deepest` states before them."""
     points = _points(Past.of(values, memory), values)[deepest - memory :]
     steps = np.diff(values, axis=0)[deepest - 1 :]
     left, singular, _ = np.linalg.svd(points, full_matrices=False)
     for ridge in RIDGES:
-        yield Trial(memory, ridge, _error_left_out(left * np.sqrt(_kept(singular, ridge)), steps))
+        yield Trial(memory, ridge, *_error_left_out(left * np.sqrt(_kept(singular, ridge)), steps))
 
 
 def _fitted(past: Past, values: Array, ridge: float) -> tuple[Array, Array]:
@@ -131,18 +145,22 @@ def _kept(singular: Array, ridge: float) -> Array:
     return np.asarray(square / (square + ridge))
 
 
-def _error_left_out(root: Array, steps: Array) -> float:
-    """RMS error of the steps in each part by the fit to the others, (1 - H_BB)⁻¹ (y - H y)_B with H = R Rᵀ.
+def _error_left_out(root: Array, steps: Array) -> tuple[float, float]:
+    """RMS error of the steps in each part by the fit to the others, and its scatter.
 
-    Infinite where the others do not determine the fit.
+    e_B = (1 - H_BB)⁻¹ (y - H y)_B with H = R Rᵀ. Infinite where the others do not determine the fit.
     """
-    rest, total = steps - root @ (root.T @ steps), 0.0
+    rest, squares = steps - root @ (root.T @ steps), []
     for part in parts(len(steps)):
         half = root[part]
         wide = half.shape[0] <= half.shape[1]
         small = half @ half.T if wide else half.T @ half
         if np.linalg.eigvalsh(small)[-1] > 1 - LEVERAGE:
-            return np.inf
+            return np.inf, np.inf
         solved = np.linalg.solve(np.eye(len(small)) - small, rest[part] if wide else half.T @ rest[part])
-        total += float(((solved if wide else rest[part] + half @ solved) ** 2).sum())
-    return float(np.sqrt(total / len(steps)))
+        errors = solved if wide else rest[part] + half @ solved
+        squares.append(float((errors**2).sum(axis=1).mean()))
+    error = float(np.sqrt(np.mean(squares)))
+    # of the mean of the squares, carried over to its root
+    scatter = float(np.std(squares)) / np.sqrt(len(squares))
+    return error, scatter / (2 * error) if error > 0 else 0.0

@@ -20,7 +20,7 @@ MEMORY = 8  # snapshots of a window
 FEWEST = 20  # samples that a network is trained on; with fewer the simple answer stands
 STRIDES = (2, 3)  # snapshots skipped, so that what lies between is known
 HELD_OUT = 0.2  # the last part of the series, by which the weights are chosen
-BATCH, CHECKS = 64, 60
+BATCH, CHECK_STEPS, CHECKS = 64, 10, 15  # samples of a step, steps between two checks, checks without a better one
 SHAPE = 3  # numbers that say where in the window's interval the answer is wanted
 
 Values = NDArray[np.float64]
@@ -116,7 +116,8 @@ class Lstm(Network, StateMap):
             return
         window, place, size = asked
         samples = Samples((single(window), single(place), single(size / scale)), single(targets / scale))
-        settings = self._training(part, batch=BATCH, checks=CHECKS, patience=CHECKS // 4)
+        checks = max(self.steps // CHECK_STEPS, 1)
+        settings = self._training(part, batch=BATCH, checks=checks, patience=CHECKS)
         self.trainings_.append(train(network, samples.some(~held), samples.some(held), settings))
 
     def _made(self, part: str, modes: int) -> WindowNetwork:
@@ -160,13 +161,15 @@ class Lstm(Network, StateMap):
 
     def _learnt(self) -> dict[str, NDArray[Any]]:
         times, values, rates, _ = self.series_
-        series = {"times": times, "values": values} | ({} if rates is None else {"rates": rates})
+        none = np.empty((0, values.shape[1]))
+        series = {"times": times, "values": values, "rates": none if rates is None else rates}
         scalers = {"mean": self.mean_, "scale": np.array([self.scale_]), "miss": np.array([self.miss_])}
         networks = weights_of(self.ahead_, "ahead.") | weights_of(self.between_, "between.")
         return {**series, **scalers, "autoregression": self.autoregression_, **networks}
 
     def _recall(self, state: Mapping[str, NDArray[Any]]) -> None:
-        self.series_ = checked_series(state["times"], state["values"], state.get("rates"))
+        rates = state["rates"]
+        self.series_ = checked_series(state["times"], state["values"], rates if len(rates) else None)
         modes = self.series_.values.shape[1]
         self.mean_ = saved_table(state, "mean", (modes,))
         self.scale_, self.miss_ = (float(saved_table(state, name, (1,))[0]) for name in ("scale", "miss"))

@@ -1,6 +1,7 @@
 """A network of time: features whose frequencies and sizes are those of the series, and hidden layers on them."""
 
 from collections.abc import Mapping
+from math import pi, sqrt
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ FAINT = 1e-7  # of the largest power: frequencies below it at the end of the spe
 MOST_FREQUENCIES = 512
 LEADING = 0.9  # of the power: frequencies that hold it are what the hidden layers see
 BATCH = 1024  # samples of a step, and times that are predicted at once
+CHECKS = 10  # of the training error, which decides what is kept
 
 
 class Spectrum(NamedTuple):
@@ -50,24 +52,48 @@ class TimeNetwork(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """Values (b, modes) at x (b, 1) in double precision."""
         phase = 2.0 * torch.pi * x * self.cycles
-        cosine, sine = self.size * torch.cos(phase).float(), self.size * torch.sin(phase).float()
-        line, k = (x - 0.5).float(), self.leading
-        straight: Tensor = self.straight(torch.cat([line, cosine, sine], dim=1))
-        bent: Tensor = self.bent(torch.cat([line, cosine[:, :k], sine[:, :k]], dim=1))
+        features = self.size * torch.cos(phase).float(), self.size * torch.sin(phase).float()
+        straight: Tensor = self.straight(self.all_of((x - 0.5).float(), *features))
+        bent: Tensor = self.bent(self.leading_of((x - 0.5).float(), *features))
         return straight + bent
+
+    def all_of(self, line: Tensor, cosine: Tensor, sine: Tensor) -> Tensor:
+        """Every feature, (b, 1 + 2k)."""
+        return torch.cat([line, cosine, sine], dim=1)
+
+    def leading_of(self, line: Tensor, cosine: Tensor, sine: Tensor) -> Tensor:
+        """Features of the leading frequencies alone."""
+        return torch.cat([line, cosine[:, : self.leading], sine[:, : self.leading]], dim=1)
 
 
 class WithRates(nn.Module):
     """Values of a network of time beside their change over one interval, (b, 2 modes)."""
 
-    def __init__(self, network: nn.Module, interval: float) -> None:
+    def __init__(self, network: TimeNetwork, interval: float) -> None:
         super().__init__()
         self.network, self.interval = network, interval
 
     def forward(self, x: Tensor) -> Tensor:
-        """Values and derivative, the latter by forward differentiation."""
-        values, change = torch.func.jvp(self.network, (x,), (torch.full_like(x, self.interval),))[:2]
-        return torch.cat([values, change], dim=1)
+        """Values and d/dx times the interval, carried through the layers side by side."""
+        net, pace = self.network, 2.0 * torch.pi * self.interval * self.network.cycles.float()
+        phase = 2.0 * torch.pi * x * net.cycles
+        cosine, sine = net.size * torch.cos(phase).float(), net.size * torch.sin(phase).float()
+        features = (x - 0.5).float(), cosine, sine
+        moving = torch.full_like(features[0], self.interval), -pace * sine, pace * cosine
+        values = net.straight(net.all_of(*features))
+        change = net.all_of(*moving) @ net.straight.weight.T
+        h, dh = net.leading_of(*features), net.leading_of(*moving)
+        for layer in net.bent:
+            if isinstance(layer, nn.Linear):
+                h, dh = layer(h), dh @ layer.weight.T
+            else:
+                h, dh = layer(h), dh * gelu_slope(h)
+        return torch.cat([values + h, change + dh], dim=1)
+
+
+def gelu_slope(h: Tensor) -> Tensor:
+    """Return the derivative of GELU, Φ(h) + h Φ'(h) with Φ the normal distribution function."""
+    return 0.5 * (1.0 + torch.erf(h / sqrt(2.0))) + h * torch.exp(-0.5 * h * h) / sqrt(2.0 * pi)
 
 
 class Mlp(Network):
@@ -75,7 +101,8 @@ class Mlp(Network):
 
     Frequencies and sizes of its features are those of the spectrum of the series, taken over twice the window so that
     its ends need not meet. With rates the loss holds values and Δτ ċ alike, and frequencies reach twice as far. It
-    passes near its snapshots, not through them.
+    passes near its snapshots, not through them. Outside the window, where its features have learnt nothing, it goes on
+    along its tangent.
     """
 
     name: ClassVar[str] = "mlp"
@@ -106,7 +133,9 @@ class Mlp(Network):
         share = torch.from_numpy(tau / tau[-1])[:, None]
         targets = single(scaled if changes is None else np.hstack([scaled, changes]))
         learner = self.network_ if changes is None else WithRates(self.network_, 1.0 / tau[-1])
-        self.trainings_ = [train(learner, Samples((share,), targets), None, self._training(batch=BATCH, patience=None))]
+        self.trainings_ = [
+            train(learner, Samples((share,), targets), None, self._training(batch=BATCH, checks=CHECKS, patience=None))
+        ]
 
     def _made(self, frequencies: int, leads: int, modes: int) -> TimeNetwork:
         network = seeded(lambda: TimeNetwork(frequencies, leads, modes, self.width), self.seed)
@@ -116,11 +145,16 @@ class Mlp(Network):
     def _predict(
         self, times: NDArray[np.float64], _start: Array | None, _parameters: Array | None
     ) -> NDArray[np.float64]:
-        share = torch.from_numpy((times - self.span_[0]) / (self.span_[1] - self.span_[0]))[:, None]
+        share = (times - self.span_[0]) / (self.span_[1] - self.span_[0])
+        inside = np.clip(share, 0.0, 1.0)
         predicted = np.empty((len(times), len(self.mean_)))
         with torch.no_grad():
             for low in range(0, len(times), BATCH):
-                predicted[low : low + BATCH] = self.network_(share[low : low + BATCH]).numpy()
+                some = slice(low, low + BATCH)
+                predicted[some] = self.network_(torch.from_numpy(inside[some])[:, None]).numpy()
+                if (outside := share[some] - inside[some]).any():
+                    both = WithRates(self.network_, 1.0)(torch.from_numpy(inside[some])[:, None]).numpy()
+                    predicted[some] += outside[:, None] * both[:, len(self.mean_) :]
         return np.asarray(self.mean_ + self.scale_ * predicted)
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
@@ -128,7 +162,10 @@ class Mlp(Network):
         return {**scalers, "leading": np.array([self.network_.leading]), **weights_of(self.network_)}
 
     def _restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        self.span_, self.mean_ = saved_table(state, "span", (2,)), saved_table(state, "mean")
+        self.span_, self.mean_ = (
+            saved_table(state, "span", (2,)),
+            saved_table(state, "mean", np.shape(state["mean"])[:1]),
+        )
         self.scale_ = float(saved_table(state, "scale", (1,))[0])
         leads = int(saved_table(state, "leading", (1,))[0])
         self.network_ = self._made(len(state["weight.cycles"]), leads, len(self.mean_))

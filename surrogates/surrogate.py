@@ -164,12 +164,13 @@ def saved_numbers(state: Mapping[str, NDArray[Any]], name: str, count: int) -> l
 def saved_table(
     state: Mapping[str, NDArray[Any]], name: str, shape: tuple[int, ...] | None = None
 ) -> NDArray[np.float64]:
-    """Read the saved array `name` as finite numbers of two dimensions, of this shape if one is given.
+    """Read the saved array `name` as finite numbers of this shape, or of two dimensions if none is given.
 
     Raises InputError; KeyError if it is missing.
     """
     table = np.array(state[name], dtype=np.float64)
-    if table.ndim != 2 or 0 in table.shape or (shape and table.shape != shape) or not np.isfinite(table).all():
+    fits = table.ndim == 2 if shape is None else table.shape == shape
+    if not fits or 0 in table.shape or not np.isfinite(table).all():
         raise InputError(
             f"array {name!r} of the model has shape {table.shape} or holds what is no number; the file is damaged, "
             "save it again"

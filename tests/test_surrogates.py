@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from safetensors.numpy import load_file, save_file
 
-from surrogates import SURROGATES, InputError, Rbf, Surrogate, measure_cost
+from surrogates import SURROGATES, InputError, Network, Rbf, Surrogate, measure_cost
 from surrogates.interpolant import Interpolant
 
 Array = NDArray[np.floating]
@@ -21,6 +21,10 @@ STATE_MAPS = [name for name, member in SURROGATES.items() if member.kind == "sta
 # these know one snapshot and nothing of the next: they jump at every snapshot
 FROM_THE_LAST = ["ballistic", "persistence"]
 JOINED = [name for name in INTERPOLANTS if name not in FROM_THE_LAST]
+# a network of time passes near its snapshots and not through them; tests/test_networks.py says how near
+THROUGH = [name for name in EVERY if name != "mlp"]
+# single precision and what training makes of a rounding: tests/test_networks.py asks the same with other gates
+DETERMINED = [name for name in STATE_MAPS if not issubclass(SURROGATES[name], Network)]
 # persistence knows no motion, and a Gaussian process falls back to the mean: a line is no draw from it
 EXACT_FOR_LINES = [name for name in INTERPOLANTS if name not in ("persistence", "gp")]
 
@@ -44,7 +48,9 @@ def every(interval: float, snapshots: int, modes: int = 5) -> Signal:
 
 
 def fitted(name: str, signal: Signal) -> Surrogate:
-    return SURROGATES[name]().fit(*signal)
+    """A few steps of training will do: what is asked here does not depend on how well a network has learnt."""
+    few = {"steps": 20} if issubclass(SURROGATES[name], Network) else {}
+    return SURROGATES[name](**few).fit(*signal)
 
 
 def between(times: Array) -> Array:
@@ -144,7 +150,7 @@ def test_the_unit_of_the_values_does_not_matter(name: str, factor: float) -> Non
     np.testing.assert_allclose(scaled.predict(asked), expected, rtol=0, atol=1e-11 * factor)  # rounding of one window
 
 
-@pytest.mark.parametrize("name", STATE_MAPS)
+@pytest.mark.parametrize("name", DETERMINED)
 @pytest.mark.parametrize("factor", [1e-12, 1e3, 1e12])
 def test_the_unit_of_the_values_does_not_matter_to_a_rollout(name: str, factor: float) -> None:
     times, values, rates = every(0.002, 110)
@@ -155,7 +161,7 @@ def test_the_unit_of_the_values_does_not_matter_to_a_rollout(name: str, factor: 
     np.testing.assert_allclose(scaled / factor, expected, rtol=0, atol=1e-8)
 
 
-@pytest.mark.parametrize("name", STATE_MAPS)
+@pytest.mark.parametrize("name", DETERMINED)
 @pytest.mark.parametrize(("unit", "shift"), [(1e3, 0.0), (1e-9, 0.0), (1.0, 10.0), (1e6, -3e5)])
 def test_neither_origin_nor_unit_of_time_matters_to_a_rollout(name: str, unit: float, shift: float) -> None:
     times, values, rates = every(0.002, 110)
@@ -183,7 +189,7 @@ def test_one_mode_that_stands_still_among_moving_ones_stays_still(name: str) -> 
     np.testing.assert_allclose(predicted[:, 2], 0.25, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", THROUGH)
 def test_two_snapshots_are_enough_to_answer_at_both(name: str) -> None:
     surrogate = fitted(name, every(0.01, 2))
     assert np.isfinite(surrogate.predict([0.0, 0.004, 0.01])).all()
@@ -191,7 +197,7 @@ def test_two_snapshots_are_enough_to_answer_at_both(name: str) -> None:
 
 
 @pytest.mark.physics
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", THROUGH)
 @pytest.mark.parametrize(("snapshots", "modes"), [(520, 500), (10_000, 5)])
 def test_hundreds_of_modes_and_thousands_of_times_are_answered(name: str, snapshots: int, modes: int) -> None:
     times = 0.002 * np.arange(snapshots)
