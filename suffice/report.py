@@ -21,6 +21,7 @@ from suffice.plots import (
 )
 from suffice.refusal import Refusal
 from suffice.section import Section
+from suffice.unseen_section import unseen_section
 from suffice.verdicts import feasibility_table, table_legend, verdict_items
 from suffice.wording import bytes_text, escape, number, seconds_text
 from suffice.worth import observables_section, winners_section
@@ -37,8 +38,9 @@ def write_report(results: Results, path: str | Path) -> None:
 
     results: `study`, `run`, `select` (as `select --json` writes it), `curves` {variable: {Δτ: curves}}, `spectrum`
     {variable: {Δτ: I(p)}}, `convergence` {variable: curves against steps, and `modes`}, `compare` (as
-    `compare` answers), `observables` (a list, as `compare_observables` answers), `stages`, `series` with its `times`,
-    `provenance`; any may be missing, and its section is left out. Everything shown is escaped; the page loads nothing.
+    `compare` answers), `observables` (a list, as `compare_observables` answers), `unseen` (as `compare_unseen`),
+    `stages`, `series` with its `times`, `provenance`; any may be missing, and its section is left out. Everything shown
+    is escaped; the page loads nothing.
     Raises `Refusal` when the page cannot be written.
     """
     page, target = render(results), Path(path)
@@ -63,6 +65,7 @@ def render(results: Results) -> str:
         winners_section,
         observables_section,
         _tradeoff,
+        unseen_section,
         _ledger,
         _stages,
         _provenance,

@@ -12,7 +12,7 @@ from suffice.compare import mean_diameter
 from suffice.refusal import Refusal
 from suffice.run import Run
 
-RUN, SELECTION, COMPARISON, LOG = "run.h5", "select.json", "compare.json", "stages.json"
+RUN, SELECTION, COMPARISON, UNSEEN, LOG = "run.h5", "select.json", "compare.json", "unseen.json", "stages.json"
 LEDGER = "energy."
 
 
@@ -35,12 +35,13 @@ def gather(folder: Path, study: str) -> dict[str, Any]:
     Raises Refusal where there is no run at all.
     """
     results: dict[str, Any] = {"study": study}
-    with Run(folder / RUN) as run:
-        results["run"] = facts_of(run)
+    unseen = read_json(folder / UNSEEN)
+    if unseen:
+        results["unseen"] = unseen
+    with Run(folder / (Path(unseen["runs"][0]["path"]).name if unseen else RUN)) as run:
+        if not unseen:
+            results |= _of_one_run(run)
         results["provenance"] = {**run.provenance, **_here()}
-        ledger = {name.removeprefix(LEDGER): s.tolist() for name, s in run.series.items() if name.startswith(LEDGER)}
-        if ledger:
-            results["series"] = {"times": run.times.tolist(), **ledger}
     selection, comparison, log = (read_json(folder / name) for name in (SELECTION, COMPARISON, LOG))
     if selection:
         results |= {"select": selection["select"], "curves": selection["curves"]}
@@ -51,6 +52,15 @@ def gather(folder: Path, study: str) -> dict[str, Any]:
             {"name": name, "seconds": entry["seconds"], "detail": entry["detail"]} for name, entry in log.items()
         ]
     return results
+
+
+def _of_one_run(run: Run) -> dict[str, Any]:
+    """Return facts and energies of the run of a study."""
+    found: dict[str, Any] = {"run": facts_of(run)}
+    ledger = {name.removeprefix(LEDGER): s.tolist() for name, s in run.series.items() if name.startswith(LEDGER)}
+    if ledger:
+        found["series"] = {"times": run.times.tolist(), **ledger}
+    return found
 
 
 def facts_of(run: Run) -> dict[str, Any]:

@@ -12,12 +12,10 @@ from collections.abc import Callable
 from importlib import resources
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
-from sim import Scene, built_in_scenes, scene_text
-from suffice.checkpoint import checkpoint_path
 from suffice.compare import compare, known_surrogates
 from suffice.door import write_json
 from suffice.lock import only_writer
@@ -28,14 +26,8 @@ from suffice.report import write_report
 from suffice.results import COMPARISON, LOG, RUN, SELECTION, gather, read_json
 from suffice.run import Run
 from suffice.selecting import select_curves, select_json, select_run, thresholds_of
-from suffice.simulating import changed_scene, made_otherwise, simulate_to
-from suffice.starting import read_start, start_digest
-
-
-class Settings(BaseModel):
-    """A table of a study: unknown keys are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+from suffice.speeds import Speeds, speed_stages
+from suffice.stages import Settings, Stage, scene_in, simulation_stage
 
 
 class Source(Settings):
@@ -52,7 +44,7 @@ class Selecting(Settings):
 
     variables: list[str] | None = None
     intervals: list[float] | None = Field(default=None, description="Δτ, s")
-    thresholds: dict[str, float] = {}
+    thresholds: dict[str, float] = Field(default={})
 
 
 class Comparing(Settings):
@@ -73,21 +65,15 @@ class Study(Settings):
     seed: int | None = Field(default=None, ge=0, description="of packing and training; absent: the scene's")
     select: Selecting = Selecting()
     compare: Comparing = Comparing()
+    unseen: Speeds | None = Field(default=None, description="instead of one run, several rotor speeds, some unseen")
 
     @model_validator(mode="after")
     def _one_origin(self) -> "Study":
         if (self.scene is None) == (self.source is None):
             raise ValueError("give either a scene or a table [source]")
+        if self.unseen is not None and (self.scene is None or {"select", "compare"} & self.model_fields_set):
+            raise ValueError("[unseen] runs a scene at several speeds; give it a scene, and no [select] or [compare]")
         return self
-
-
-class Stage(NamedTuple):
-    """A function from files to files."""
-
-    name: str
-    inputs: Any  # everything its outputs depend on, ready for JSON
-    outputs: tuple[Path, ...]
-    make: Callable[[], str]  # returns what it did in a few words
 
 
 def built_in_studies() -> dict[str, str]:
@@ -172,43 +158,26 @@ def stages_of(name: str, study: Study, home: Path, folder: Path, reporter: Repor
     """
     thresholds_of("", study.select.thresholds)
     known_surrogates(study.compare.surrogates)
-    first = _simulation(study, home, folder, reporter) if study.scene else _reading(study, home, folder, reporter)
+    if study.unseen is not None and study.scene is not None:
+        return [*speed_stages(study.unseen, study.scene, study.seed, home, folder, reporter), _reporting(name, folder)]
+    if study.scene is None:
+        first = _reading(study, home, folder, reporter)
+    else:
+        text = scene_in(study.scene, home)
+        first = simulation_stage("simulate", text, study.scene, study.seed, folder / RUN, home, reporter)
     select, against = folder / SELECTION, folder / COMPARISON
-    page, results = folder / "report.html", folder / "results.json"
     comparing = [study.compare.model_dump(), study.seed]
     return [
         first,
         Stage("select", study.select.model_dump(), (select,), lambda: _select(study.select, folder, reporter)),
         Stage("compare", comparing, (against,), lambda: _compare(study, folder, reporter)),
-        Stage("report", name, (page, results), lambda: make_report(folder, name)),
+        _reporting(name, folder),
     ]
 
 
-def _simulation(study: Study, home: Path, folder: Path, reporter: Reporter) -> Stage:
-    scene = study.scene or ""
-    text = built_in_scenes().get(scene) or scene_text(str(home / scene))
-    beside = (home / scene).parent
-    setting = changed_scene(text, scene, seed=study.seed, home=beside)
-    run = folder / RUN
-
-    def make() -> str:
-        unfinished = checkpoint_path(run).exists() and _made_of(run, text, setting)
-        cost = simulate_to(text, scene, run, reporter, seed=study.seed, resume=unfinished, home=beside)
-        speed = cost["particle_steps_per_second"] / 1e6
-        return f"{cost['n_particles']} particles, {cost['steps']} steps, {speed:.1f} million particle-steps/s"
-
-    start = read_start(setting)
-    stamp = {} if start is None else {"start_digest": start_digest(start)}
-    return Stage("simulate", setting.model_dump() | stamp, (run,), make)
-
-
-def _made_of(run: Path, text: str, scene: Scene) -> bool:
-    """Tell whether an unfinished run is of this scene, so that it can go on."""
-    try:
-        with Run(run) as past:
-            return not made_otherwise(past, text, scene)
-    except Refusal:
-        return False
+def _reporting(name: str, folder: Path) -> Stage:
+    outputs = (folder / "report.html", folder / "results.json")
+    return Stage("report", name, outputs, lambda: make_report(folder, name))
 
 
 def _reading(study: Study, home: Path, folder: Path, reporter: Reporter) -> Stage:

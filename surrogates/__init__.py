@@ -3,7 +3,9 @@
 Reading order: `surrogate` (the contract), `series` (what may be learnt), `interpolant` and its members `linear`,
 `spline`, `hermite`, `rbf` (with `kernel`, `leave_one_out`, `windows`), `gp` (with `matern`, `kalman`), `persistence`,
 `ballistic`; `state_map` and its members `dmd` (with `past`, `companion`) and `rbf_map`; `network` (with `training`,
-`regression`, `training_state`) and its members `mlp` and `lstm` (with `autoregression`); `cost`.
+`regression`, `training_state`) and its members `mlp` and `lstm` (with `autoregression`); `cost`. Over operating
+conditions instead of time: `conditions` (the contract), `between_conditions`, `condition_rbf`, `condition_mlp`,
+`condition_table`.
 
 Coefficients are arrays (snapshots, modes), times seconds:
 
@@ -15,6 +17,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from surrogates.ballistic import Ballistic
+from surrogates.condition_table import CONDITION_SURROGATES
+from surrogates.conditions import ConditionSurrogate
 from surrogates.cost import Cost, measure_cost
 from surrogates.dmd import Dmd
 from surrogates.errors import InputError
@@ -44,8 +48,10 @@ SURROGATES: Mapping[str, type[Surrogate]] = MappingProxyType(
 )
 
 __all__ = [
+    "CONDITION_SURROGATES",
     "SURROGATES",
     "Ballistic",
+    "ConditionSurrogate",
     "Cost",
     "Dmd",
     "Gp",

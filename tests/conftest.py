@@ -167,3 +167,89 @@ def write_run() -> Callable[..., Path]:
         return path
 
     return write
+
+
+STIRRED = """# Beads in a box of water with a paddle of two arms.
+[[particles]]
+diameter = 1e-3        # m
+density = 2500.0       # kg/m³
+count = 64
+
+[contact]
+stiffness = 1e3        # N/m
+restitution = 0.8
+
+[fluid]
+density = 1000.0       # kg/m³
+viscosity = 1e-3       # Pa s
+lowest = [0.0, 0.0, 0.0]
+highest = [0.006, 0.006, 0.006]
+cells = [4, 4, 3]
+
+[drag]
+
+[time]
+duration = 1.0         # s
+
+[output]
+interval = 0.01        # s
+
+[[walls]]
+name = "paddle"
+motion = { kind = "rotation", axis = [0.0, 0.0, 1.0], point = [0.003, 0.003, 0.0], rpm = 600.0 }
+[[walls.shapes]]
+shape = "cylinder"
+axis = [1.0, 0.0, 0.0]
+centre = [0.004, 0.003, 0.003]
+radius = 0.0002
+length = 0.001
+copies = 2
+particles = "outside"
+"""
+
+
+@pytest.fixture
+def write_stirred() -> Callable[..., Path]:
+    """Write a made-up run of stirred beads, whose fields turn with the phase of the rotor and grow with its speed.
+
+    Beads stand on a lattice, two at each place, with velocities a (cos, sin, 1) of the phase ± a/2; the fluid follows,
+    pressure is a² x (1 + cos/2), the void fraction 0.5 + 0.1 b z, with a and b functions of rpm / 1000. `noise` shakes
+    everything at random from snapshot to snapshot.
+    """
+    from suffice.quantities import Grid
+    from suffice.store import RunWriter
+
+    def write(
+        path: Path, rpm: float = 600.0, a: Callable[[float], float] = float, b: Callable[[float], float] = float,
+        periods: int = 4, per_period: int = 8, noise: float = 0.0,
+    ) -> Path:  # fmt: skip
+        rng = np.random.default_rng(int(rpm))
+        place = (np.stack(np.meshgrid(*[[0.002, 0.004]] * 3), axis=-1).reshape(-1, 3)).repeat(2, axis=0)
+        n, grid, pace = len(place), Grid((3, 4, 4), (0.0, 0.0, 0.0), (0.0015, 0.0015, 0.002)), rpm / 1e3
+        z, y, x = np.meshgrid(*[(np.arange(k) + 0.5) / k for k in grid.shape], indexing="ij")
+        sign = np.where(np.arange(n) % 2, 0.5, -0.5)[:, None]
+        text = STIRRED.replace("rpm = 600.0", f"rpm = {rpm}")
+        names = ("position", "velocity", "fluid.velocity", "fluid.pressure", "fluid.void_fraction")
+        particles = {"ids": np.arange(n), "radius": np.full(n, 5e-4), "species": np.zeros(n, int)}
+        count = periods * per_period + 1
+        with RunWriter(
+            path, **particles, n_snapshots=count, variables=names, grid=grid, provenance={"scene": text},
+            precision="double", beside=True,
+        ) as run:  # fmt: skip
+            for k in range(count):
+                turned = 2.0 * np.pi * k / per_period
+                way = np.array([np.cos(turned), np.sin(turned), 1.0])
+                values = {
+                    "position": place,
+                    "velocity": a(pace) * (way + sign),
+                    "fluid.velocity": a(pace) * y[..., None] * way,
+                    "fluid.pressure": 1e3 * a(pace) ** 2 * x * (1.0 + 0.5 * way[0]),
+                    "fluid.void_fraction": 0.5 + 0.1 * b(pace) * z,
+                }
+                for name in names[1:]:
+                    size = noise * np.abs(values[name]).mean()
+                    values[name] = values[name] + size * rng.normal(size=values[name].shape)
+                run.append(k * 30.0 / rpm / per_period, values)
+        return path
+
+    return write

@@ -115,15 +115,15 @@ def test_an_interrupted_study_goes_on_where_it_stopped_and_not_where_its_scene_h
     replace(folder / "scene.toml", "interval = 0.001", "interval = 0.0001")
     assert stopped_in_the_middle(folder) < 201
     resumed = []
-    import suffice.study as study
+    import suffice.stages as stages
 
-    simulate_to = study.simulate_to
+    simulate_to = stages.simulate_to
 
     def noting(*arguments, **options):
         resumed.append(options["resume"])
         return simulate_to(*arguments, **options)
 
-    monkeypatch.setattr(study, "simulate_to", noting)
+    monkeypatch.setattr(stages, "simulate_to", noting)
     assert ran(folder) == list(STAGES)
     assert resumed == [True]
     replace(folder / "my.toml", "scene =", "seed = 5\nscene =")
