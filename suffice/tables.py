@@ -59,7 +59,7 @@ def show_comparison(answer: Mapping[str, Any]) -> None:
                 style="bold" if any(r["on_front"].values()) else None,
             )
         console.print(table)
-    for found in answer["choice"].values():
+    for found in [*answer.get("winners", []), *answer["choice"].values()]:
         console.print(found["sentence"], highlight=False)
 
 
