@@ -126,8 +126,7 @@ def compare(
         progress(len(asked) * len(subsets), len(asked) * len(subsets))
     if not found.rows:
         raise Refusal(f"nothing can be compared: {found.left_out[0]['reason']}")
-    for name in asked:
-        _mark_front([row for row in found.rows if row["variable"] == name])
+    mark_fronts(found.rows)
     return {
         "task": "between",
         "kind": "time",
@@ -289,8 +288,10 @@ def _figures(one: Reconstruction, floor: Array, case: Case, place: Place) -> dic
     }
 
 
-def _mark_front(rows: Table) -> None:
-    """Mark the rows of one variable that none beats in error and in each cost."""
-    fronts = {cost: pareto_front([row["rmse"] for row in rows], [row[cost] for row in rows]) for cost in COSTS}
-    for i, row in enumerate(rows):
-        row["on_front"] = {cost: bool(front[i]) for cost, front in fronts.items()}
+def mark_fronts(rows: Table) -> None:
+    """Mark the rows that none of the same variable beats in error and in each cost."""
+    for name in {row["variable"] for row in rows}:
+        own = [row for row in rows if row["variable"] == name]
+        fronts = {cost: pareto_front([row["rmse"] for row in own], [row[cost] for row in own]) for cost in COSTS}
+        for i, row in enumerate(own):
+            row["on_front"] = {cost: bool(front[i]) for cost, front in fronts.items()}
