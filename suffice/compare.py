@@ -233,15 +233,16 @@ def _omission(place: Place, surrogate: str | None, reason: str) -> dict[str, Any
 
 
 def _levels(reduced: Reduced, case: Case, n_c: int) -> list[Level]:
-    """Numbers of modes to compare at, n_lr, n_c and all, with what every surrogate of that number has in common."""
+    """Numbers of modes to compare at, n_lr, n_c if that is more, and all, with what each number has in common."""
     full = reduced.basis.modes.shape[1]
+    least = reduced.basis.n_lr or full
     return [
         Level(
             n,
             projection_errors(reduced, case, n),
             measure_reconstruction(reduced.basis, reduced.coefficients[case.unseen, :n]),
         )
-        for n in sorted({reduced.basis.n_lr or full, n_c or full, full})
+        for n in sorted({least, max(n_c, least), full})  # fewer than n_lr are not enough, consistent or not
     ]
 
 
