@@ -10,7 +10,7 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from torch import Tensor, nn
 
 from surrogates.autoregression import autoregression
-from surrogates.network import Network, restore_weights_, seeded, single, weights_of, zeroed
+from surrogates.network import Network, asked, restore_weights_, seeded, single, weights_of, zeroed
 from surrogates.series import Array, Series, checked_series
 from surrogates.state_map import StateMap
 from surrogates.surrogate import EDGE, saved_table
@@ -128,7 +128,7 @@ class Lstm(Network, StateMap):
     def _step(self, history: Values) -> Values:
         scaled = (history - self.mean_) / self.scale_
         window = single(scaled[None])
-        with torch.no_grad():
+        with asked():
             added = self.ahead_(window, torch.zeros((1, SHAPE)), torch.full((1, 1), self.miss_)).numpy()[0]
         return np.asarray(self.mean_ + self.scale_ * (self.autoregression_ @ scaled + added))
 
@@ -155,7 +155,7 @@ class Lstm(Network, StateMap):
             return answer
         scaled = (np.asarray(self.series_.values, dtype=np.float64) - self.mean_) / self.scale_
         window, place, size = around(scaled, tau)
-        with torch.no_grad():
+        with asked():
             added = self.between_(single(window), single(place), single(size)).numpy()
         return np.asarray(answer + self.scale_ * added)
 
