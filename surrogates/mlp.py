@@ -11,6 +11,7 @@ from scipy.fft import dct
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from torch import Tensor, nn
 
+from surrogates.errors import InputError
 from surrogates.network import Network, restore_weights_, seeded, single, weights_of, zeroed
 from surrogates.series import Array, Series
 from surrogates.surrogate import Kind, saved_table
@@ -162,13 +163,16 @@ class Mlp(Network):
         return {**scalers, "leading": np.array([self.network_.leading]), **weights_of(self.network_)}
 
     def _restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        self.span_, self.mean_ = (
-            saved_table(state, "span", (2,)),
-            saved_table(state, "mean", np.shape(state["mean"])[:1]),
-        )
+        self.span_ = saved_table(state, "span", (2,))
+        self.mean_ = saved_table(state, "mean", (np.size(state["mean"]),))
         self.scale_ = float(saved_table(state, "scale", (1,))[0])
+        frequencies = saved_table(state, "weight.cycles", (np.size(state["weight.cycles"]),))
         leads = int(saved_table(state, "leading", (1,))[0])
-        self.network_ = self._made(len(state["weight.cycles"]), leads, len(self.mean_))
+        if not 1 <= leads <= len(frequencies) or not self.span_[1] > self.span_[0]:
+            raise InputError(
+                "arrays 'leading' or 'span' of the model make no sense; the file is damaged, save it again"
+            )
+        self.network_ = self._made(len(frequencies), leads, len(self.mean_))
         restore_weights_(self.network_, state)
         self.trainings_ = []
 
