@@ -10,7 +10,7 @@ def autoregression(values: NDArray[np.float64], memory: int) -> NDArray[np.float
     """Weights a (memory,), oldest first, of c_{n+1} = Σ_j a_j c_{n-memory+1+j}, by least squares over all modes.
 
     values: (snapshots, modes) about their mean. Roots of the characteristic polynomial beyond the unit circle are put
-    onto it, so that a rollout cannot grow; with one state the weight is at most one.
+    onto it, so that a rollout cannot grow exponentially (roots that meet on it let it grow like a line).
     """
     windows = np.stack([values[k : len(values) - memory + k] for k in range(memory)], axis=-1).reshape(-1, memory)
     targets = values[memory:].reshape(-1)

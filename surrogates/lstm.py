@@ -21,6 +21,7 @@ FEWEST = 20  # samples that a network is trained on; with fewer the simple answe
 STRIDES = (2, 3)  # snapshots skipped, so that what lies between is known
 HELD_OUT = 0.2  # the last part of the series, by which the weights are chosen
 BATCH, CHECK_STEPS, CHECKS = 64, 10, 15  # samples of a step, steps between two checks, checks without a better one
+AT_ONCE = 1024  # times that are predicted at once: each reads a whole window
 SHAPE = 3  # numbers that say where in the window's interval the answer is wanted
 
 Values = NDArray[np.float64]
@@ -154,10 +155,12 @@ class Lstm(Network, StateMap):
         if len(self.series_.times) < MEMORY:
             return answer
         scaled = (np.asarray(self.series_.values, dtype=np.float64) - self.mean_) / self.scale_
-        window, place, size = around(scaled, tau)
         with asked():
-            added = self.between_(single(window), single(place), single(size)).numpy()
-        return np.asarray(answer + self.scale_ * added)
+            for low in range(0, len(tau), AT_ONCE):
+                some = slice(low, low + AT_ONCE)
+                window, place, size = around(scaled, tau[some])
+                answer[some] += self.scale_ * self.between_(single(window), single(place), single(size)).numpy()
+        return answer
 
     def _learnt(self) -> dict[str, NDArray[Any]]:
         times, values, rates, _ = self.series_
@@ -169,7 +172,7 @@ class Lstm(Network, StateMap):
 
     def _recall(self, state: Mapping[str, NDArray[Any]]) -> None:
         rates = state["rates"]
-        self.series_ = checked_series(state["times"], state["values"], rates if len(rates) else None)
+        self.series_ = checked_series(state["times"], state["values"], rates if np.size(rates) else None)
         modes = self.series_.values.shape[1]
         self.mean_ = saved_table(state, "mean", (modes,))
         self.scale_, self.miss_ = (float(saved_table(state, name, (1,))[0]) for name in ("scale", "miss"))

@@ -11,12 +11,14 @@ from scipy.fft import dct
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from torch import Tensor, nn
 
+from surrogates.errors import InputError
 from surrogates.network import Network, asked, restore_weights_, seeded, single, weights_of, zeroed
 from surrogates.series import Array, Series
 from surrogates.surrogate import Kind, saved_table
 from surrogates.training import Samples, train
 
 FAINT = 1e-7  # of the largest power: frequencies below it at the end of the spectrum are left out
+UNSEEN = 1e-6  # amplitude in units of the series' RMS below which single precision learns nothing
 MOST_FREQUENCIES = 512
 LEADING = 0.9  # of the power: frequencies that hold it are what the hidden layers see
 BATCH = 1024  # samples of a step, and times that are predicted at once
@@ -162,13 +164,16 @@ class Mlp(Network):
         return {**scalers, "leading": np.array([self.network_.leading]), **weights_of(self.network_)}
 
     def _restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        self.span_, self.mean_ = (
-            saved_table(state, "span", (2,)),
-            saved_table(state, "mean", np.shape(state["mean"])[:1]),
-        )
+        self.span_ = saved_table(state, "span", (2,))
+        self.mean_ = saved_table(state, "mean", (np.size(state["mean"]),))
         self.scale_ = float(saved_table(state, "scale", (1,))[0])
+        frequencies = saved_table(state, "weight.cycles", (np.size(state["weight.cycles"]),))
         leads = int(saved_table(state, "leading", (1,))[0])
-        self.network_ = self._made(len(state["weight.cycles"]), leads, len(self.mean_))
+        if not 1 <= leads <= len(frequencies) or not self.span_[1] > self.span_[0]:
+            raise InputError(
+                "arrays 'leading' or 'span' of the model make no sense; the file is damaged, save it again"
+            )
+        self.network_ = self._made(len(frequencies), leads, len(self.mean_))
         restore_weights_(self.network_, state)
         self.trainings_ = []
 
@@ -187,9 +192,10 @@ def spectrum_of(tau: NDArray[np.float64], values: NDArray[np.float64], changes: 
     line = even[0] + np.linspace(0.0, 1.0, len(even))[:, None] * (even[-1] - even[0])
     power = np.square(dct(even - line, axis=0, type=1)).sum(axis=1)[1:count]
     smooth = np.convolve(np.pad(power, 2, mode="edge"), np.full(5, 0.2), mode="valid")
-    if not smooth.max() > 0.0:
+    unseen = (UNSEEN * (len(even) - 1)) ** 2 * np.square(values - values.mean(axis=0)).mean()
+    if not smooth.max() > unseen:  # a line: what departs from it is rounding, whose frequencies would fill the spectrum
         return Spectrum(np.array([0.5]), np.ones(1))
-    last = int(np.flatnonzero(smooth > FAINT * smooth.max())[-1]) + 1
+    last = int(np.flatnonzero(smooth > max(FAINT * smooth.max(), unseen))[-1]) + 1
     size = np.sqrt(smooth[:last] / smooth[:last].mean())
     return Spectrum(np.arange(1, last + 1) / 2.0, size)
 

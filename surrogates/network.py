@@ -72,7 +72,7 @@ def asked() -> Iterator[None]:
 def seeded(make: Callable[[], nn.Module], seed: int) -> nn.Module:
     """Return a network whose first weights only the seed decides."""
     with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
+        torch.default_generator.manual_seed(seed)  # torch.manual_seed would also seed the GPUs, for good
         return make()
 
 

@@ -49,13 +49,18 @@ class Trained(NamedTuple):
 
 
 def check_training(settings: Training) -> None:
-    """Raise InputError for a number of steps, a rate or a time that no training can have."""
-    for name, value, least in (("steps", settings.steps, 1), ("checks", settings.checks, 1)):
-        if value < least:
-            raise InputError(f"{name} is {value}; give at least {least}")
+    """Raise InputError for a number of steps, a rate, a time or a seed that no training can have."""
+    for name in ("steps", "checks", "batch", "patience"):
+        count = getattr(settings, name)
+        if count is not None and count < 1:
+            raise InputError(f"{name} is {count}; give at least 1")
     for name, number in (("learning_rate", settings.learning_rate), ("max_seconds", settings.max_seconds)):
         if number is not None and not 0.0 < number < float("inf"):
             raise InputError(f"{name} is {number:g}; give a positive number")
+    if not 0.0 <= settings.weight_decay < float("inf"):
+        raise InputError(f"weight_decay is {settings.weight_decay:g}; give zero or a positive number")
+    if not 0 <= settings.seed < 2**32:
+        raise InputError(f"seed is {settings.seed}; give a number from 0 to 2³² - 1")
     if settings.resume and settings.folder is None:
         raise InputError("resume is asked for without a folder; name the folder that the training was written to")
 
@@ -64,8 +69,9 @@ def train(network: nn.Module, training: Samples, validation: Samples | None, set
     """Minimise the mean square error over the training samples, and keep the weights of the least validation error.
 
     One AdamW optimiser, its rate on a cosine; without validation samples the training samples are measured. The same
-    seed gives the same weights on a CPU. A GPU is used if there is one; the network comes back to the CPU.
-    Raises InputError for settings that cannot be, and where the error grows without bound from the first steps on;
+    seed gives the same weights on a CPU, whether it was interrupted and resumed or not. A GPU is used if there is one;
+    the network comes back to the CPU. Raises InputError for settings that cannot be, for a state to be resumed that is
+    damaged or of another network or other samples, and where the error grows without bound before anything was learnt;
     later on a divergence ends the training, the best weights so far are kept and the reason says so.
     """
     from surrogates.regression import fit_network  # Lightning takes seconds to load

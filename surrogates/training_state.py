@@ -17,53 +17,65 @@ FILE = "training.safetensors"
 MOMENTS = ("step", "exp_avg", "exp_avg_sq")  # of AdamW
 
 
+class Facts(NamedTuple):
+    """What a training knows about itself besides tensors: without it a resumed one would stop elsewhere."""
+
+    steps: int  # done
+    best_step: int
+    best_error: float
+    since_best: int  # checks without a better one
+    first_loss: float  # by which a divergence is told; NaN before the first step
+
+
 class State(NamedTuple):
     """Where a training stands."""
 
-    steps: int
-    best_step: int
-    best_error: float
+    facts: Facts
     last: Mapping[str, Tensor]  # weights
     best: Mapping[str, Tensor]
     moments: Mapping[str, Tensor]  # of the optimiser, by number of the parameter and name
 
     @classmethod
     def of(
-        cls,
-        steps: int,
-        best_step: int,
-        best_error: float,
-        module: nn.Module,
-        optimiser: torch.optim.Optimizer,
-        best: Mapping[str, Tensor],
+        cls, facts: Facts, module: nn.Module, optimiser: torch.optim.Optimizer, best: Mapping[str, Tensor]
     ) -> "State":
         """State of a module in training."""
         held = optimiser.state_dict()["state"]
         moments = {f"{k}.{name}": entry[name].cpu() for k, entry in held.items() for name in MOMENTS if name in entry}
         last = {name: value.detach().cpu() for name, value in module.state_dict().items()}
-        return cls(steps, best_step, best_error, last, best, moments)
+        return cls(facts, last, best, moments)
 
-    def restore_(self, optimiser: torch.optim.Optimizer, network: nn.Module) -> None:
-        """Give optimiser and network what they had."""
+    def check_fits(self, module: nn.Module) -> None:
+        """Raise InputError unless every tensor is one of this module, or of an AdamW of its parameters."""
+        weights = {name: value.shape for name, value in module.state_dict().items()}
+        moments = {
+            f"{k}.{name}": torch.Size() if name == "step" else parameter.shape
+            for k, parameter in enumerate(module.parameters())
+            for name in MOMENTS
+        }
+        for held, shapes in ((self.last, weights), (self.best, weights), (self.moments, moments)):
+            if {name: value.shape for name, value in held.items()} != shapes:
+                raise InputError("the training to be resumed is of another network; start it anew")
+            if not all(bool(value.isfinite().all()) for value in held.values()):
+                raise InputError("the training to be resumed holds numbers that are not finite; start it anew")
+
+    def restore_(self, optimiser: torch.optim.Optimizer, module: nn.Module) -> None:
+        """Give optimiser and module what they had."""
         whole = optimiser.state_dict()
         for key, value in self.moments.items():
             k, _, name = key.partition(".")
             whole["state"].setdefault(int(k), {})[name] = value
-        try:
-            network.load_state_dict({name.removeprefix("network."): value for name, value in self.last.items()})
-            optimiser.load_state_dict(whole)
-        except (RuntimeError, ValueError) as error:
-            raise InputError(f"the training to be resumed is of another network ({error}); start it anew") from None
+        module.load_state_dict(dict(self.last))
+        optimiser.load_state_dict(whole)
 
 
 def write_state(folder: Path, state: State) -> None:
     """Write a state beside and rename it."""
     groups = {"last": state.last, "best": state.best, "moments": state.moments}
     tensors = {f"{group}/{name}": t.contiguous().clone() for group, held in groups.items() for name, t in held.items()}
-    facts = {"steps": state.steps, "best_step": state.best_step, "best_error": state.best_error}
     folder.mkdir(parents=True, exist_ok=True)
     part = folder / f"{FILE}.part"
-    save_file(tensors, part, metadata={"facts": json.dumps(facts)})
+    save_file(tensors, part, metadata={"facts": json.dumps(state.facts._asdict())})
     os.replace(part, folder / FILE)
 
 
@@ -74,10 +86,10 @@ def read_state(folder: Path) -> State | None:
     groups: dict[str, dict[str, Tensor]] = {"last": {}, "best": {}, "moments": {}}
     try:
         with safe_open(folder / FILE, framework="pt") as file:
-            facts = json.loads((file.metadata() or {})["facts"])
+            said = json.loads((file.metadata() or {})["facts"])
             for key in file.keys():  # noqa: SIM118 (not a dict)
                 group, _, name = key.partition("/")
                 groups[group][name] = file.get_tensor(key)
-            return State(int(facts["steps"]), int(facts["best_step"]), float(facts["best_error"]), **groups)
-    except (SafetensorError, KeyError, ValueError, TypeError, OSError) as error:
+            return State(Facts(*(kind(said[name]) for name, kind in Facts.__annotations__.items())), **groups)
+    except (SafetensorError, KeyError, ValueError, TypeError, OSError, OverflowError, RecursionError) as error:
         raise InputError(f"{folder / FILE} is damaged ({error}); remove it and start the training anew") from None
