@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from safetensors.numpy import save_file
 from scipy.integrate import solve_ivp
 
-from surrogates import SURROGATES, Hermite, InputError, Linear, Lstm, Mlp, Network, Spline, Surrogate
+from surrogates import SURROGATES, InputError, Linear, Lstm, Network
 from surrogates.autoregression import autoregression
 from surrogates.mlp import TimeNetwork, WithRates, gelu_slope, spectrum_of
 from surrogates.network import seeded
@@ -168,7 +168,7 @@ def test_what_cannot_be_learnt_is_refused_before_training(name: str) -> None:
         made(name).fit(WAVE_TIMES, values)
     with pytest.raises(InputError, match=r"rates\[7, 2\] is nan"):
         made(name).fit(WAVE_TIMES, rates, values)
-    with pytest.raises(InputError, match="times has 1 snapshots; .* at least 2"):
+    with pytest.raises(InputError, match=r"times has 1 snapshots; .* at least 2"):
         made(name).fit([0.0], [[1.0]])
     with pytest.raises(InputError, match="width is 0; give at least 1 unit"):
         SURROGATES[name](width=0)
@@ -265,7 +265,7 @@ def test_a_fit_is_not_resumed_from_a_series_of_other_frequencies(name: str, tmp_
     first.fit(WAVE_TIMES, waves(WAVE_TIMES)[0])
     second = made(name, 60)
     second.watched(tmp_path, resume=True)
-    with pytest.raises(InputError, match="the training to be resumed is of (another network|other data)"):
+    with pytest.raises(InputError, match=r"the training to be resumed is of (another network|other data)"):
         second.fit(WAVE_TIMES, limit_cycle(60 * WAVE_TIMES)[0] @ np.ones((2, 5)))
 
 
