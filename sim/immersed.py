@@ -84,8 +84,9 @@ def fill_body(
                     by_body[b, n], grip[b, n], distance = meet_body(walls, b, x, y, z, spacing)
                     if a == 3:
                         place[b, n] = WITHIN if by_body[b, n] == 1.0 else NEAR if distance < reach else FAR_AWAY
-                if a < 3 and (by_body[b, n] > 0.0 or grip[b, n] > 0.0):
-                    moving[b, n] = wall_motion(walls, b, (x, y, z))[1][a]
+                if a < 3:
+                    covers = by_body[b, n] > 0.0 or grip[b, n] > 0.0
+                    moving[b, n] = wall_motion(walls, b, (x, y, z))[1][a] if covers else 0.0
 
 
 class Immersed:
@@ -122,7 +123,8 @@ class Immersed:
             if a < 3:
                 weight = part + grip / (grip + 1.0 / min(grid.spacing) ** 2)  # bodies may overlap, or be close
                 total = weight.sum(axis=0)
-                np.divide(weight, total, out=self.part[a], where=total > 0.0)
+                # nothing stays where a body has been, or a run would differ from one that goes on from a checkpoint
+                self.part[a] = np.divide(weight, total, out=np.zeros_like(weight), where=total > 0.0)
                 self.wall[a] = (self.part[a] * self.speed[a]).sum(axis=0)
 
     def tally_(self, axis: int, force: Array, share: float, given: Array) -> None:

@@ -6,12 +6,14 @@ Packages that compute are imported inside the commands, so that `suffice --help`
 import sys
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from suffice.door import run_command, write_json
+from suffice.door import run_command
+from suffice.options import Json, RunFile, Variables, tell
 from suffice.progress import Reporter
+from suffice.surrogate_commands import compare, predict, train
 
 app = typer.Typer(
     name="suffice",
@@ -21,14 +23,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="a run.h5 made by simulate or import")]
-Json = Annotated[
-    str | None, typer.Option("--json", metavar="FILE|-", help="write the answer as JSON; - is standard output")
-]
-Variables = Annotated[
-    list[str] | None, typer.Option("--variable", help="such as position.x or velocity; may be repeated")
-]
 
 
 def _show_version(asked: bool) -> None:
@@ -49,13 +43,6 @@ def common(
 
 def _say(message: str) -> None:
     print(message, file=sys.stderr)
-
-
-def _tell(answer: Any, target: str | None) -> bool:
-    """Write the answer as JSON where asked, and return whether there is still a terminal to show it on."""
-    if target is not None:
-        write_json(answer, target)
-    return target != "-"
 
 
 @app.command()
@@ -114,7 +101,7 @@ def simulate(
 
         use_threads(threads)
         told = explain_scene(changed_scene(scene_text(scene), scene, until, seed))
-        if _tell(told, json):
+        if tell(told, json):
             print(explanation_text(scene, told))
         return
     if output is None:
@@ -125,7 +112,7 @@ def simulate(
         answer = simulate_on_lammps(text, *place, until=until, seed=seed, ranks=ranks or 1)
     else:
         answer = simulate_to(text, *place, until=until, seed=seed, threads=threads, resume=resume)
-    if _tell(answer, json):
+    if tell(answer, json):
         show_facts(str(output), answer)
 
 
@@ -157,27 +144,28 @@ def import_(
             progress=advance,
         )
     answer = {**made._asdict(), "path": str(made.path), "times": [float(made.times[0]), float(made.times[-1])]}
-    if _tell(answer, json):
+    if tell(answer, json):
         show_facts(str(output), answer)
 
 
 @app.command()
 def info(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="a run or a basis")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="a run, a basis or a model")],
     json: Json = None,
 ) -> None:
-    """Say what a run or a basis holds and what made it."""
+    """Say what a run, a basis or a model holds and what made it."""
     from suffice.basis_file import read_card
     from suffice.impacts import impact_facts
+    from suffice.model import read_model_card
     from suffice.results import facts_of
     from suffice.run import Run
     from suffice.tables import show_facts
 
-    answer = read_card(file)
+    answer = read_model_card(file) if file.is_dir() else read_card(file)
     if answer is None:
         with Run(file) as run:
             answer = {**facts_of(run), "series": sorted(run.series), **impact_facts(run), **run.provenance}
-    if _tell(answer, json):
+    if tell(answer, json):
         show_facts(str(file), answer)
 
 
@@ -205,7 +193,7 @@ def decompose(
     wanted = Wanted(variable, interval, energy, modes, tolerance, error, route, append, velocities, plot)
     with shared_rows() as ranks:
         answer = decompose_run(run_file, output, wanted, ranks)
-    if ranks.rank == 0 and _tell(answer, json):
+    if ranks.rank == 0 and tell(answer, json):
         show_facts(str(output), answer)
 
 
@@ -235,49 +223,13 @@ def select(
         with context.obj.stage("select", "variables") as advance:
             table = select_run(run, variables, steps, changed, advance, ranks)
         answer = select_json(run, table)
-    if ranks.rank == 0 and _tell(answer, json):
+    if ranks.rank == 0 and tell(answer, json):
         show_selection(answer)
 
 
-@app.command()
-def compare(
-    context: typer.Context,
-    run_file: RunFile,
-    variables: Variables = None,
-    interval: Annotated[
-        str | None, typer.Option(help="Δτ as for select --intervals, s; default 10 to 2 dense ones")
-    ] = None,
-    surrogate: Annotated[list[str] | None, typer.Option(help="name; may be repeated; default: all")] = None,
-    max_error: Annotated[
-        str | None, typer.Option(help="largest RMSE: 0.05d in diameters, or in the variable's unit")
-    ] = None,
-    max_seconds: Annotated[float | None, typer.Option(help="longest time for one snapshot, s")] = None,
-    seed: Annotated[int, typer.Option(help="of whatever is random in training")] = 0,
-    json: Json = None,
-) -> None:
-    """Train every surrogate and baseline: error against cost, and the cheapest that keeps a limit."""
-    from suffice.choice import parse_error
-    from suffice.compare import compare as compare_run
-    from suffice.run import Run
-    from suffice.selecting import parse_intervals
-    from suffice.tables import show_comparison
-
-    error, unit = (None, "m") if max_error is None else parse_error(max_error)
-    steps = None if interval is None else parse_intervals(interval)
-    with Run(run_file) as run, context.obj.stage("compare", "cases") as advance:
-        answer = compare_run(
-            run,
-            variables,
-            steps,
-            surrogate,
-            max_error=error,
-            error_unit=unit,
-            max_seconds=max_seconds,
-            seed=seed,
-            progress=advance,
-        )
-    if _tell(answer, json):
-        show_comparison(answer)
+app.command()(train)
+app.command()(predict)
+app.command()(compare)
 
 
 @app.command()

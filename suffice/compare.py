@@ -126,8 +126,7 @@ def compare(
         progress(len(asked) * len(subsets), len(asked) * len(subsets))
     if not found.rows:
         raise Refusal(f"nothing can be compared: {found.left_out[0]['reason']}")
-    for name in asked:
-        _mark_front([row for row in found.rows if row["variable"] == name])
+    mark_fronts(found.rows)
     return {
         "task": "between",
         "kind": "time",
@@ -234,15 +233,16 @@ def _omission(place: Place, surrogate: str | None, reason: str) -> dict[str, Any
 
 
 def _levels(reduced: Reduced, case: Case, n_c: int) -> list[Level]:
-    """Numbers of modes to compare at, n_lr, n_c and all, with what every surrogate of that number has in common."""
+    """Numbers of modes to compare at, n_lr, n_c if that is more, and all, with what each number has in common."""
     full = reduced.basis.modes.shape[1]
+    least = reduced.basis.n_lr or full
     return [
         Level(
             n,
             projection_errors(reduced, case, n),
             measure_reconstruction(reduced.basis, reduced.coefficients[case.unseen, :n]),
         )
-        for n in sorted({reduced.basis.n_lr or full, n_c or full, full})
+        for n in sorted({least, max(n_c, least), full})  # fewer than n_lr are not enough, consistent or not
     ]
 
 
@@ -289,8 +289,10 @@ def _figures(one: Reconstruction, floor: Array, case: Case, place: Place) -> dic
     }
 
 
-def _mark_front(rows: Table) -> None:
-    """Mark the rows of one variable that none beats in error and in each cost."""
-    fronts = {cost: pareto_front([row["rmse"] for row in rows], [row[cost] for row in rows]) for cost in COSTS}
-    for i, row in enumerate(rows):
-        row["on_front"] = {cost: bool(front[i]) for cost, front in fronts.items()}
+def mark_fronts(rows: Table) -> None:
+    """Mark the rows that none of the same variable beats in error and in each cost."""
+    for name in {row["variable"] for row in rows}:
+        own = [row for row in rows if row["variable"] == name]
+        fronts = {cost: pareto_front([row["rmse"] for row in own], [row[cost] for row in own]) for cost in COSTS}
+        for i, row in enumerate(own):
+            row["on_front"] = {cost: bool(front[i]) for cost, front in fronts.items()}

@@ -78,8 +78,9 @@ def show_beyond(answer: Mapping[str, Any]) -> None:
         console.print(_table(base, answer))
     console.print(
         f"trained on the snapshots up to {answer['train_end']:g} s; regressors in time (*) can only go on from there, "
-        f"the others start from {len(answer['start_times'])} snapshots spread over the rest. floor: what exact "
-        "coefficients would leave, the start kept.",
+        f"the others start from {len(answer['start_times'])} snapshots spread over the rest. end, starts: error one "
+        "snapshot ahead over that of persistence, from the end of training and from all starts; behind: snapshots "
+        "ahead from which persistence is better; floor: what exact coefficients would leave, the start kept.",
         highlight=False,
     )
     for sentence in answer["sentences"].values():
@@ -91,22 +92,28 @@ def show_beyond(answer: Mapping[str, Any]) -> None:
 def _table(base: Mapping[str, Any], answer: Mapping[str, Any]) -> Table:
     rows = [r for r in answer["rows"] if r["variable"] == base["variable"]]
     in_diameters = all(r["rmse_diameters"] is not None for r in rows)
-    unit = "diameters" if in_diameters else base["unit"]
-    ahead = [f"{h} ahead" for h in answer["horizons"]]
-    title = f"{base['variable']}, Δτ = {answer['interval']:g} s: error in {unit}, floor in brackets"
-    columns = ["surrogate", "modes", *ahead, "1 over persistence, from the end", "all starts", "behind it at", "a step"]
-    table = Table(*columns, title=title)
+    unit, scale = ("diameters", answer["diameter"]) if in_diameters else (base["unit"], 1.0)
+    ahead = [f"+{h}" for h in answer["horizons"]]
+    title = f"{base['variable']}, Δτ = {answer['interval']:g} s: error in {unit}, so many snapshots ahead"
+    table = Table("surrogate", "modes", *ahead, "end", "starts", "behind", title=title, padding=(0, 0))
+    table.columns[0].no_wrap = True
     for r in sorted(rows, key=lambda r: float(r["from_end"]["over_persistence"] or 0)):
-        scale = answer["diameter"] if in_diameters else 1.0
-        cells = [_cell(r, h - 1, scale) for h in answer["horizons"]]
-        name = f"{r['surrogate']}*" if r["kind"] == "time" else r["surrogate"]
         everywhere = number(r["over_persistence"]) if r["starts"] > 1 else "–"
         ends = [number(r["from_end"]["over_persistence"]), everywhere, number(r["behind_persistence"])]
-        table.add_row(name, number(r["modes"]), *cells, *ends, seconds_text(r["step_seconds"]))
+        table.add_row(_starred(r), number(r["modes"]), *_errors(r["rmse"], answer["horizons"], scale), *ends)
+    floors = {(r["modes"], r["starts"] > 1): r for r in rows if r["floor"] is not None}
+    table.add_section()
+    for (modes, several), r in sorted(floors.items()):
+        name = "floor" if several else "floor*"
+        table.add_row(name, number(modes), *_errors(r["floor"], answer["horizons"], scale), style="dim")
     return table
 
 
-def _cell(row: Mapping[str, Any], k: int, scale: float) -> str:
-    error, floor = row["rmse"][k], None if row["floor"] is None else row["floor"][k]
-    said = "lost" if error is None else number(error / scale)
-    return said if floor is None else f"{said} [{number(floor / scale)}]"
+def _starred(row: Mapping[str, Any]) -> str:
+    """Name a surrogate; a star says that it has one start only."""
+    return f"{row['surrogate']}*" if row["starts"] == 1 else str(row["surrogate"])
+
+
+def _errors(curve: Curve, horizons: Sequence[int], scale: float) -> list[str]:
+    found = [curve[h - 1] for h in horizons]
+    return ["lost" if error is None else number(error / scale) for error in found]

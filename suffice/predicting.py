@@ -15,6 +15,7 @@ from suffice.quantities import AXES, QUANTITIES
 from suffice.refusal import Refusal
 from suffice.store import RunWriter, check_place
 from suffice.wording import seconds_text
+from surrogates.surrogate import EDGE
 
 MOST_TIMES = 1_000_000
 
@@ -122,8 +123,10 @@ def _values(name: str, group: Sequence[Model], times: NDArray[np.float64], beyon
 
 
 def _outside(models: Sequence[Model], times: NDArray[np.float64]) -> int:
+    """Count the times outside the window of any model, but for rounding."""
     first, last = (max(m.surrogate.window_[0] for m in models), min(m.surrogate.window_[1] for m in models))
-    return int(((times < first) | (times > last)).sum())
+    slack = EDGE * models[0].surrogate.interval_
+    return int(((times < first - slack) | (times > last + slack)).sum())
 
 
 def _provenance(models: Sequence[Model], beyond: bool) -> dict[str, str]:

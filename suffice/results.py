@@ -46,7 +46,7 @@ def gather(folder: Path, study: str) -> dict[str, Any]:
     if selection:
         results |= {"select": selection["select"], "curves": selection["curves"]}
     if comparison:
-        results["compare"] = comparison
+        results |= {"compare": comparison, "observables": comparison.get("observables", [])}
     if log:
         results["stages"] = [
             {"name": name, "seconds": entry["seconds"], "detail": entry["detail"]} for name, entry in log.items()

@@ -16,7 +16,7 @@ from typing import Any
 
 from pydantic import Field, ValidationError, model_validator
 
-from suffice.compare import compare, known_surrogates
+from suffice.comparing import Comparing, compare_as_wished
 from suffice.door import write_json
 from suffice.lock import only_writer
 from suffice.progress import Reporter
@@ -45,16 +45,6 @@ class Selecting(Settings):
     variables: list[str] | None = None
     intervals: list[float] | None = Field(default=None, description="Δτ, s")
     thresholds: dict[str, float] = Field(default={})
-
-
-class Comparing(Settings):
-    """What is trained and compared."""
-
-    variables: list[str] | None = None
-    intervals: list[float] | None = Field(default=None, description="Δτ, s")
-    surrogates: list[str] | None = None
-    max_error: float | None = Field(default=None, gt=0, description="in diameters")
-    max_seconds: float | None = Field(default=None, gt=0, description="per snapshot, s")
 
 
 class Study(Settings):
@@ -157,7 +147,7 @@ def stages_of(name: str, study: Study, home: Path, folder: Path, reporter: Repor
     Raises Refusal or InputError for a scene, files or settings that cannot be used, before anything is written.
     """
     thresholds_of("", study.select.thresholds)
-    known_surrogates(study.compare.surrogates)
+    study.compare.check()
     if study.unseen is not None and study.scene is not None:
         return [*speed_stages(study.unseen, study.scene, study.seed, home, folder, reporter), _reporting(name, folder)]
     if study.scene is None:
@@ -213,19 +203,8 @@ def _select(settings: Selecting, folder: Path, reporter: Reporter) -> str:
 
 
 def _compare(study: Study, folder: Path, reporter: Reporter) -> str:
-    settings = study.compare
-    with Run(folder / RUN) as run, reporter.stage("compare", "cases") as advance:
-        answer = compare(
-            run,
-            settings.variables,
-            settings.intervals,
-            settings.surrogates,
-            max_error=settings.max_error,
-            error_unit="d",
-            max_seconds=settings.max_seconds,
-            seed=study.seed or 0,
-            progress=advance,
-        )
+    with Run(folder / RUN) as run:
+        answer = compare_as_wished(run, study.compare, study.seed or 0, reporter)
     write_json(answer, str(folder / COMPARISON))
     return f"{len(answer['rows'])} surrogates trained and measured"
 

@@ -59,7 +59,10 @@ def show_comparison(answer: Mapping[str, Any]) -> None:
                 style="bold" if any(r["on_front"].values()) else None,
             )
         console.print(table)
-    for found in answer["choice"].values():
+    for r in (r for r in answer["rows"] if r.get("remark")):
+        place = f"{r['variable']}, Δτ = {r['interval']:g} s, {r['surrogate']} on {r['modes']} modes"
+        console.print(f"{place}: {r['remark']}", highlight=False)
+    for found in [*answer.get("winners", []), *answer["choice"].values()]:
         console.print(found["sentence"], highlight=False)
 
 

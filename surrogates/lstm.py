@@ -10,7 +10,7 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from torch import Tensor, nn
 
 from surrogates.autoregression import autoregression
-from surrogates.network import Network, restore_weights_, seeded, single, weights_of, zeroed
+from surrogates.network import Network, asked, restore_weights_, seeded, single, weights_of, zeroed
 from surrogates.series import Array, Series, checked_series
 from surrogates.state_map import StateMap
 from surrogates.surrogate import EDGE, saved_table
@@ -137,7 +137,7 @@ class Lstm(Network, StateMap):
     def _step(self, history: Values) -> Values:
         scaled = (history - self.mean_) / self.scale_
         window = single(scaled[None])
-        with torch.no_grad():
+        with asked():
             added = self.ahead_(window, torch.zeros((1, SHAPE)), torch.full((1, 1), self.miss_)).numpy()[0]
         return np.asarray(self.mean_ + self.scale_ * (self.autoregression_ @ scaled + added))
 
@@ -163,7 +163,7 @@ class Lstm(Network, StateMap):
         if len(self.series_.times) < MEMORY:
             return answer
         scaled = (np.asarray(self.series_.values, dtype=np.float64) - self.mean_) / self.scale_
-        with torch.no_grad():
+        with asked():
             for low in range(0, len(tau), AT_ONCE):
                 some = slice(low, low + AT_ONCE)
                 window, place, size = around(scaled, tau[some])

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from torch import Tensor, nn
 
 from surrogates.errors import InputError
-from surrogates.network import Network, restore_weights_, seeded, single, weights_of, zeroed
+from surrogates.network import Network, asked, restore_weights_, seeded, single, weights_of, zeroed
 from surrogates.series import Array, Series
 from surrogates.surrogate import Kind, saved_table
 from surrogates.training import Samples, train
@@ -150,7 +150,7 @@ class Mlp(Network):
         share = (times - self.span_[0]) / (self.span_[1] - self.span_[0])
         inside = np.clip(share, 0.0, 1.0)
         predicted = np.empty((len(times), len(self.mean_)))
-        with torch.no_grad():
+        with asked():
             for low in range(0, len(times), BATCH):
                 some = slice(low, low + BATCH)
                 predicted[some] = self.network_(torch.from_numpy(inside[some])[:, None]).numpy()

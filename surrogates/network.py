@@ -1,6 +1,7 @@
 """Surrogates that are trained: what all networks have in common."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,18 @@ class Network(Surrogate):
             report=self._report,
         )
         return given._replace(**changed)
+
+
+@contextmanager
+def asked() -> Iterator[None]:
+    """Answer without gradients and on one thread: waking another takes longer than a small network does."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with torch.no_grad():
+            yield
+    finally:
+        torch.set_num_threads(threads)
 
 
 def seeded(make: Callable[[], nn.Module], seed: int) -> nn.Module:

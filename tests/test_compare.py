@@ -10,13 +10,16 @@ from scipy.interpolate import CubicSpline
 from suffice import compare as comparing
 from suffice import reconstruction
 from suffice.compare import compare
+from suffice.making import is_trained
 from suffice.readers import import_run
 from suffice.refusal import Refusal
 from suffice.run import Run
+from suffice.selecting import select_run
 from suffice.store import RunWriter
 from surrogates import SURROGATES
 
-IN_TIME = [name for name, member in SURROGATES.items() if member.kind == "time"]
+KNOWN = [name for name, member in SURROGATES.items() if member.bridges]
+IN_TIME = [name for name in KNOWN if not is_trained(name)]
 
 N, INTERVAL, DIAMETER = 40, 0.001, 2e-3
 
@@ -94,6 +97,30 @@ def test_the_spline_on_modes_errs_as_a_dense_recomputation_says(wavy):
         assert found["worst_rmse"] == pytest.approx(errors.max(), rel=1e-10)
         assert found["worst_time"] == wavy.times[unseen[errors.argmax()]]
         assert found["projection_rmse"] == pytest.approx(floor, rel=1e-10)
+
+
+def test_consistent_modes_between_the_least_and_all_are_a_level_of_their_own(tmp_path):
+    rng = np.random.default_rng(2)
+    times, k = 0.001 * np.arange(121), np.arange(1, 31)
+    size = np.exp(-k / 3.0)
+    phase = 2 * np.pi * (2.0 * k * times[:, None, None] + rng.uniform(size=(40, 30)))
+    position = np.repeat((size * np.sin(phase)).sum(axis=-1)[:, :, None], 3, axis=2)
+    with Run(write(tmp_path / "run.h5", position, np.zeros_like(position))) as run:
+        answer = compare(run, ["position.x"], [0.005], ["spline"])
+        (judged,) = select_run(run, ["position.x"], [0.005])["position.x"].candidates
+    (base,) = answer["bases"]
+    assert base["n_lr"] == judged.n_lr < base["n_c"] == judged.n_c < base["modes"]
+    assert [r["modes"] for r in answer["rows"]] == [base["n_lr"], base["n_c"], base["modes"]]
+
+
+def test_several_seeds_of_a_network_are_averaged_and_shown(wavy):
+    answer = compare(wavy, ["position.x"], [0.004], ["lstm"], seeds=2, training_seconds=5.0)
+    for found in answer["rows"]:
+        assert len(found["seeds"]) == 2
+        assert found["rmse"] == pytest.approx(np.mean(found["seeds"]))
+        assert found["remark"]
+    with pytest.raises(Refusal, match="seeds is 0"):
+        compare(wavy, ["position.x"], [0.004], ["lstm"], seeds=0)
 
 
 def test_no_surrogate_of_modes_beats_the_projection_on_them(wavy):
@@ -225,7 +252,7 @@ def test_a_limit_in_metres_is_not_applied_to_a_velocity(wavy):
 @pytest.mark.parametrize(
     ("asked", "says"),
     [
-        ({"surrogates": ["spline", "magic"]}, f"surrogate 'magic' is not known here; use {', '.join(IN_TIME)}"),
+        ({"surrogates": ["spline", "magic"]}, f"surrogate 'magic' is not known here; use {', '.join(KNOWN)}"),
         ({"surrogates": []}, "none is named"),
         ({"variables": ["position.w"]}, "no variable 'position.w'; it has position.x"),
         ({"intervals": [0.0015]}, "interval: 0.0015 s is not a multiple of the dense interval 0.001 s"),

@@ -92,6 +92,25 @@ def test_a_restored_run_is_bitwise_the_run_itself():
     assert_same(one.fluid._asdict(), other.fluid._asdict())
 
 
+@pytest.mark.physics
+def test_a_mill_that_goes_on_on_another_number_of_threads_is_bitwise_the_mill_itself():
+    """At the restart its pins have left faces that they held before, and beads of four chunks touch each other."""
+    scene, before = parse_scene(scene_text("mini_mill")), numba.get_num_threads()
+    through, again = simulation_of(scene), simulation_of(scene)
+    steps = through.steps_per_snapshot
+    try:
+        numba.set_num_threads(1)
+        through.advance_to(3 * steps)
+        restore_(again, state_of(through))
+        through.advance_to(5 * steps)
+        numba.set_num_threads(min(2, most_threads()))
+        again.advance_to(5 * steps)
+    finally:
+        numba.set_num_threads(before)
+    assert_same(state_of(through), state_of(again))
+    assert through.snapshot().series == again.snapshot().series
+
+
 def test_two_threads_give_bitwise_what_one_gives():
     scene = parse_scene(scene_text("mini_mill"))
     states, before = [], numba.get_num_threads()

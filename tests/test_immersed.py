@@ -64,6 +64,18 @@ def test_solid_shares_add_up_to_the_volume_of_a_body(shape, volume):
     assert abs(wrong[-1]) < 0.01
 
 
+def test_a_body_leaves_nothing_on_the_faces_where_it_has_been():
+    """What the fluid sees of bodies follows from where they stand, not from where they stood before."""
+    spinning = [body("sphere", SPHERE), body("rod", ROD, kind="rotation", axis=[0, 0, 1], rpm=300.0)]
+    passed, fresh = FlowSimulation(scene(spinning)), FlowSimulation(scene(spinning))
+    for time in np.linspace(0.0, 0.05, 6):  # s, a quarter of a turn
+        passed._place_bodies(time)
+    fresh._place_bodies(0.05)
+    seen, wanted = vars(passed.fluid.immersed), vars(fresh.fluid.immersed)
+    for name in ("share", "grip", "wall", "part", "speed", "place"):
+        assert seen[name].tobytes() == wanted[name].tobytes(), name
+
+
 def test_bodies_at_rest_in_still_fluid_do_nothing():
     for seen in simulate(scene([body("sphere", SPHERE), body("rod", ROD)], step=0.01)):
         assert not seen.fluid.velocity.any()

@@ -1,0 +1,91 @@
+"""The stage of a study in which surrogates are trained and compared."""
+
+from typing import Any
+
+from pydantic import Field
+
+from suffice.choice import Limits, cheapest
+from suffice.compare import compare, known_surrogates, mark_fronts
+from suffice.progress import Reporter
+from suffice.run import Run
+from suffice.stages import Settings
+from suffice.watched import compare_observables
+from suffice.winners import winners
+
+
+class Networks(Settings):
+    """Which networks are trained beside the other surrogates, and where: each takes seconds."""
+
+    surrogates: list[str] = Field(default=["mlp", "lstm"], min_length=1)
+    variables: list[str] = Field(min_length=1)
+    intervals: list[float] = Field(min_length=1, description="Δτ, s")
+    seeds: int = Field(default=1, ge=1, description="trainings of each")
+    training_seconds: float | None = Field(default=None, gt=0, description="of each training at most, s")
+
+
+class Comparing(Settings):
+    """What is trained and compared."""
+
+    variables: list[str] | None = None
+    intervals: list[float] | None = Field(default=None, description="Δτ, s")
+    surrogates: list[str] | None = None
+    max_error: float | None = Field(default=None, gt=0, description="in diameters")
+    max_seconds: float | None = Field(default=None, gt=0, description="per snapshot, s")
+    networks: Networks | None = None
+    observables: list[float] = Field(default=[], description="Δτ at which observables are compared, s")
+
+    def check(self) -> None:
+        """Raise Refusal for a surrogate that there is not."""
+        known_surrogates(self.surrogates)
+        if self.networks is not None:
+            known_surrogates(self.networks.surrogates)
+
+
+def compare_as_wished(run: Run, wish: Comparing, seed: int, reporter: Reporter) -> dict[str, Any]:
+    """Compare surrogates, networks where they are wanted, and observables; one answer, ready for JSON."""
+    with reporter.stage("compare", "cases") as advance:
+        answer = compare(
+            run,
+            wish.variables,
+            wish.intervals,
+            wish.surrogates,
+            max_error=wish.max_error,
+            error_unit="d",
+            max_seconds=wish.max_seconds,
+            seed=seed,
+            progress=advance,
+        )
+    if wish.networks is not None:
+        answer = _with_networks(run, answer, wish.networks, seed, reporter)
+    watched = []
+    for interval in wish.observables:
+        with reporter.stage("observe", "surrogates") as advance:
+            watched.append(compare_observables(run, interval, wish.surrogates, seed=seed, progress=advance))
+    return {**answer, "observables": watched}
+
+
+def _with_networks(run: Run, answer: dict[str, Any], wish: Networks, seed: int, reporter: Reporter) -> dict[str, Any]:
+    """Add networks to a comparison; fronts, winners and choices are those of all rows."""
+    with reporter.stage("train", "cases") as advance:
+        more = compare(
+            run,
+            wish.variables,
+            wish.intervals,
+            wish.surrogates,
+            seed=seed,
+            seeds=wish.seeds,
+            training_seconds=wish.training_seconds,
+            progress=advance,
+        )
+    rows, limits = answer["rows"] + more["rows"], Limits(**answer["limits"])
+    mark_fronts(rows)
+    known = {(base["variable"], base["interval"]) for base in answer["bases"]}
+    return {
+        **answer,
+        "seeds": wish.seeds,
+        "rows": rows,
+        "bases": answer["bases"] + [b for b in more["bases"] if (b["variable"], b["interval"]) not in known],
+        "left_out": answer["left_out"] + more["left_out"],
+        "winners": winners(rows),
+        "choice": {name: cheapest(name, rows, limits, answer["diameter"]) for name in answer["choice"]},
+    }

@@ -1,0 +1,188 @@
+"""Commands that train surrogates, ask them, and compare them.
+
+Packages that compute are imported inside the commands, so that `suffice --help` answers at once.
+"""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from suffice.options import Json, RunFile, Variables, tell
+
+TASKS = ("between", "beyond", "unseen", "observables")
+Seed = Annotated[int, typer.Option(help="of whatever is random in training")]
+Energy = Annotated[float, typer.Option(help="share of the energy that n_lr modes hold")]
+
+
+def train(
+    context: typer.Context,
+    run_file: RunFile,
+    variable: Annotated[str, typer.Option(help="such as position.x, position or fluid.velocity")],
+    interval: Annotated[float, typer.Option(help="Δτ between the snapshots used, s")],
+    surrogate: Annotated[str, typer.Option(help="name, such as spline, rbf, mlp, lstm")],
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="DIR")] = None,
+    modes: Annotated[int | None, typer.Option(help="their number; default n_c, no fewer than n_lr")] = None,
+    energy: Energy = 0.999,
+    seed: Seed = 0,
+    max_seconds: Annotated[float | None, typer.Option(help="longest training of a network, s")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="go on where an interrupted training stopped")] = False,
+    json: Json = None,
+) -> None:
+    """Fit one surrogate to the modes of a variable, and write it as a model."""
+    from suffice.tables import show_facts
+    from suffice.training import Wish, train_model
+
+    folder = output or Path(f"{variable}-{surrogate}")
+    wish = Wish(variable, interval, surrogate, modes, energy, seed, max_seconds, resume)
+    answer = train_model(run_file, folder, wish, context.obj)
+    if tell(answer, json):
+        show_facts(str(folder), answer)
+
+
+def predict(
+    context: typer.Context,
+    models: Annotated[list[Path], typer.Argument(metavar="MODEL...", help="folders that train wrote")],
+    times: Annotated[str, typer.Option(metavar="A:B:S", help="first:last:step or a list, s")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN")],
+    beyond: Annotated[bool, typer.Option("--beyond", help="answer outside the window of training, too")] = False,
+    json: Json = None,
+) -> None:
+    """Write what models predict at any times as a run, which ParaView opens."""
+    from suffice.predicting import parse_times, predict_run
+    from suffice.tables import show_facts
+
+    answer = predict_run(models, parse_times(times), output, beyond, context.obj)
+    if tell(answer, json):
+        show_facts(str(output), answer)
+
+
+def compare(
+    context: typer.Context,
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="one run; of --task unseen one per speed")],
+    task: Annotated[str, typer.Option(help="between snapshots, beyond the window, unseen speed, or observables")] = (
+        "between"
+    ),
+    variables: Variables = None,
+    interval: Annotated[
+        str | None, typer.Option(help="Δτ as for select --intervals, s; default 10 to 2 dense ones")
+    ] = None,
+    surrogate: Annotated[
+        list[str] | None, typer.Option(help="name; may be repeated; default: all that need no training")
+    ] = None,
+    max_error: Annotated[
+        str | None, typer.Option(help="largest RMSE: 0.05d in diameters, or in the variable's unit")
+    ] = None,
+    max_seconds: Annotated[float | None, typer.Option(help="longest time for one snapshot, s")] = None,
+    held_out: Annotated[str | None, typer.Option(help="of --task unseen: speeds no surrogate is shown, 1/min")] = None,
+    seed: Seed = 0,
+    seeds: Annotated[int, typer.Option(help="trainings of each network, their spread is shown")] = 1,
+    training_seconds: Annotated[float | None, typer.Option(help="longest training of a network, s")] = None,
+    json: Json = None,
+) -> None:
+    """Train surrogates and baselines and compare them: error against cost, and the cheapest that keeps a limit."""
+    from suffice.refusal import Refusal
+
+    if task not in TASKS:
+        raise Refusal(f"--task {task!r} is not known; use {', '.join(TASKS)}")
+    if task == "unseen":
+        _compare_unseen(context, runs, held_out, surrogate, (seed, seeds), json)
+        return
+    if len(runs) != 1:
+        raise Refusal(f"--task {task} compares within one run, {len(runs)} are given; name one")
+    how = {"surrogates": surrogate, "seed": seed}
+    if task == "beyond":
+        _compare_beyond(context, runs[0], variables, interval, how, json)
+    elif task == "observables":
+        _compare_observables(context, runs[0], interval, how, json)
+    else:
+        limits = {"seeds": seeds, "training_seconds": training_seconds, "max_seconds": max_seconds}
+        _compare_between(context, runs[0], (variables, interval, max_error), how | limits, json)
+
+
+def _compare_between(
+    context: typer.Context, path: Path, asked: tuple[list[str] | None, str | None, str | None], how: Any, json: Any
+) -> None:
+    from suffice.choice import parse_error
+    from suffice.compare import compare as compare_run
+    from suffice.run import Run
+    from suffice.tables import show_comparison
+
+    variables, interval, max_error = asked
+    error, unit = (None, "m") if max_error is None else parse_error(max_error)
+    steps = _intervals(interval)
+    with Run(path) as run, context.obj.stage("compare", "cases") as advance:
+        answer = compare_run(run, variables, steps, max_error=error, error_unit=unit, progress=advance, **how)
+    if tell(answer, json):
+        show_comparison(answer)
+
+
+def _compare_beyond(
+    context: typer.Context, path: Path, variables: list[str] | None, interval: str | None, how: Any, json: Any
+) -> None:
+    from suffice.beyond import compare_beyond
+    from suffice.foresight import show_beyond
+    from suffice.run import Run
+
+    step = _one_interval("beyond", interval)
+    with Run(path) as run, context.obj.stage("compare", "surrogates") as advance:
+        answer = compare_beyond(run, variables, step, progress=advance, **how)
+    if tell(answer, json):
+        show_beyond(answer)
+
+
+def _compare_observables(context: typer.Context, path: Path, interval: str | None, how: Any, json: Any) -> None:
+    from suffice.run import Run
+    from suffice.show_observables import show_observables
+    from suffice.watched import compare_observables
+
+    step = _one_interval("observables", interval)
+    with Run(path) as run, context.obj.stage("compare", "surrogates") as advance:
+        answer = compare_observables(run, step, progress=advance, **how)
+    if tell(answer, json):
+        show_observables(answer)
+
+
+def _compare_unseen(
+    context: typer.Context,
+    paths: Sequence[Path],
+    held_out: str | None,
+    surrogates: list[str] | None,
+    chance: tuple[int, int],
+    json: Any,
+) -> None:
+    from suffice.refusal import Refusal
+    from suffice.run import Run
+    from suffice.unseen import compare_unseen
+    from suffice.unseen_tables import show_unseen
+
+    if held_out is None:
+        raise Refusal("--task unseen needs --held-out, the speeds in 1/min that no surrogate is shown; such as 800")
+    try:
+        speeds = [float(part) for part in held_out.split(",")]
+    except ValueError:
+        raise Refusal(f"--held-out {held_out!r}: not speeds in 1/min; give 800, or 600,1200") from None
+    seed, seeds = chance
+    with ExitStack() as stack, context.obj.stage("compare", "cases") as advance:
+        runs = [stack.enter_context(Run(path)) for path in paths]
+        answer = compare_unseen(runs, speeds, seed, advance, surrogates=surrogates, seeds=seeds)
+    if tell(answer, json):
+        show_unseen(answer)
+
+
+def _intervals(text: str | None) -> list[float] | None:
+    from suffice.selecting import parse_intervals
+
+    return None if text is None else parse_intervals(text)
+
+
+def _one_interval(task: str, text: str | None) -> float:
+    """Return the one Δτ of a task that takes no more."""
+    from suffice.refusal import Refusal
+
+    steps = _intervals(text)
+    if steps is None or len(steps) != 1:
+        raise Refusal(f"--task {task} needs one --interval, Δτ in s, such as 0.003")
+    return steps[0]
