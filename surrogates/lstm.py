@@ -18,13 +18,15 @@ from surrogates.training import Samples, train
 
 MEMORY = 8  # snapshots of a window
 FEWEST = 20  # samples that a network is trained on; with fewer the simple answer stands
-STRIDES = (2, 3)  # snapshots skipped, so that what lies between is known
+STRIDES = (3, 4)  # intervals of the series skipped to, so that what lies between is known
+FINER = 2  # the stride by which weights are chosen: what was learnt has to hold at the next finer interval too
 HELD_OUT = 0.2  # the last part of the series, by which the weights are chosen
 BATCH, CHECK_STEPS, CHECKS = 64, 10, 15  # samples of a step, steps between two checks, checks without a better one
 AT_ONCE = 1024  # times that are predicted at once: each reads a whole window
 SHAPE = 3  # numbers that say where in the window's interval the answer is wanted
 
 Values = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 
 class WindowNetwork(nn.Module):
@@ -56,8 +58,9 @@ class Lstm(Network, StateMap):
     Next step: an autoregression shared by all modes, its roots kept inside the unit circle, and what the network adds,
     trained on its misses. Between two snapshots: the cubic Hermite interpolant where rates are given, else the cubic
     spline, and what a second network adds; it reads fourth differences, to which both are blind, and learns from the
-    snapshots that a series of two or three times the interval skips. Weights are those of the least error on the last
-    fifth of the series, untrained ones among them: `trainings_` says where nothing was learnt.
+    snapshots that a series of three or four times the interval skips. Weights are those of the least error on the last
+    fifth of the series, untrained ones among them: `trainings_` says where nothing was learnt. Between snapshots that
+    is the error at twice the interval: what was learnt from coarse intervals is kept if it holds at a finer one.
     """
 
     name: ClassVar[str] = "lstm"
@@ -97,29 +100,34 @@ class Lstm(Network, StateMap):
         miss = float(np.sqrt(np.square(targets).mean())) if len(targets) else 0.0
         asked = Questions(windows, np.zeros((len(windows), SHAPE)), np.full((len(windows), 1), miss))
         self.miss_ = miss
-        self._train("ahead", self.ahead_, asked, targets, np.arange(self.memory_, len(scaled), dtype=np.float64))
+        held = np.arange(self.memory_, len(scaled)) >= (1.0 - HELD_OUT) * len(scaled)
+        self._train("ahead", self.ahead_, asked, targets, (~held, held))
 
     def _train_between(self, series: Series, scaled: Values) -> None:
         rates = series.rates
         changes = None if rates is None else np.asarray(rates * (series.interval / self.scale_), dtype=np.float64)
-        found = [skipped(scaled, changes, q, offset) for q in STRIDES for offset in range(q)]
-        known = [part for part in found if part is not None]
+        found = [(q, skipped(scaled, changes, q, offset)) for q in (FINER, *STRIDES) for offset in range(q)]
+        known = [(q, part) for q, part in found if part is not None]
         if known:
-            asked = Questions(*(np.concatenate(parts) for parts in zip(*(part[0] for part in known), strict=True)))
-            targets, rows = (np.concatenate([part[k] for part in known]) for k in (1, 2))
-            self._train("between", self.between_, asked, targets, rows)
+            asked = Questions(*(np.concatenate(parts) for parts in zip(*(part[0] for _, part in known), strict=True)))
+            targets, rows = (np.concatenate([part[k] for _, part in known]) for k in (1, 2))
+            late = rows >= (1.0 - HELD_OUT) * len(scaled)
+            finer = np.repeat([q == FINER for q, _ in known], [len(part[2]) for _, part in known])
+            self._train("between", self.between_, asked, targets, (~late & ~finer, late & finer))
 
-    def _train(self, part: str, network: WindowNetwork, asked: Questions, targets: Values, rows: Values) -> None:
-        """Train one network on targets (b, modes) that stand at `rows` (b,) of the series, if they are enough."""
-        held = torch.from_numpy(rows >= (1.0 - HELD_OUT) * len(self.series_.times))
+    def _train(
+        self, part: str, network: WindowNetwork, asked: Questions, targets: Values, which: tuple[Mask, Mask]
+    ) -> None:
+        """Train one network on targets (b, modes), if they are enough: which are shown, and which decide."""
+        shown, held = (torch.from_numpy(mask) for mask in which)
         scale = float(np.sqrt(np.square(targets).mean())) if len(targets) else 0.0
-        if len(targets) - int(held.sum()) < FEWEST or not held.any() or scale < 1e-12:  # nothing to learn
+        if int(shown.sum()) < FEWEST or not held.any() or scale < 1e-12:  # nothing to learn
             return
         window, place, size = asked
         samples = Samples((single(window), single(place), single(size / scale)), single(targets / scale))
         checks = max(self.steps // CHECK_STEPS, 1)
         settings = self._training(part, batch=BATCH, checks=checks, patience=CHECKS)
-        self.trainings_.append(train(network, samples.some(~held), samples.some(held), settings))
+        self.trainings_.append(train(network, samples.some(shown), samples.some(held), settings))
 
     def _made(self, part: str, modes: int) -> WindowNetwork:
         network = seeded(lambda: WindowNetwork(modes, self.width), self.seed + (part == "between"))
