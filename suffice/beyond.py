@@ -10,11 +10,11 @@ from pod import SnapshotMatrix
 from selection import InputError as UnfitIntervals
 from selection import Thresholds, sweep
 from selection.intervals import candidates
-from suffice.compare import default_variables, held, held_rates, mean_diameter
 from suffice.foresight import first_above, foretold
 from suffice.horizon import Ahead, Array, Future, Reduced, ahead_of_modes, ahead_of_snapshots, floors, reduce_past
 from suffice.refusal import Refusal
 from suffice.run import Run
+from suffice.variables import default_variables, held, held_rates, mean_diameter
 from surrogates import SURROGATES
 from surrogates import InputError as UnfitSeries
 
@@ -61,16 +61,10 @@ def compare_beyond(
     Raises `Refusal` for unknown names, numbers out of range, an interval that is no multiple of the dense one, or a run
     too short to be cut.
     """
-    names = _known(surrogates)
-    asked = default_variables(run) if variables is None else list(dict.fromkeys(variables))
+    names, asked = _known(surrogates), list(dict.fromkeys(variables or default_variables(run)))
     _check(share, starts, horizons, energy)
     kept, trained = _cut(run, interval, share)
-    reach = max((h for h in horizons if h <= len(kept) - trained), default=0)
-    if not reach:
-        raise Refusal(
-            f"horizons: the shortest is {min(horizons)} snapshots, but only {len(kept) - trained} follow the training "
-            "part; take a shorter one, a smaller share or a smaller interval"
-        )
+    reach = _reach(horizons, len(kept) - trained)
     spread = np.unique(np.linspace(trained - 1, len(kept) - 1 - reach, starts).round().astype(np.intp))
     answer: dict[str, Any] = {
         "task": "beyond",
@@ -82,9 +76,7 @@ def compare_beyond(
         "energy": energy,
         "seed": seed,
         "diameter": mean_diameter(run),
-        "rows": [],
-        "bases": [],
-        "left_out": [],
+        **{table: [] for table in ("rows", "bases", "left_out")},
     }
     for done, name in enumerate(asked):
         if progress:
@@ -96,8 +88,8 @@ def compare_beyond(
         progress(len(asked), len(asked))
     if not answer["rows"]:
         raise Refusal(f"nothing can be compared: {answer['left_out'][0]['reason']}")
-    present = [name for name in asked if any(row["variable"] == name for row in answer["rows"])]
-    return {**answer, "sentences": {name: foretold(name, answer) for name in present}}
+    present = {row["variable"] for row in answer["rows"]}
+    return {**answer, "sentences": {name: foretold(name, answer) for name in asked if name in present}}
 
 
 def _known(asked: Sequence[str] | None) -> list[str]:
@@ -119,6 +111,17 @@ def _check(share: float, starts: int, horizons: Sequence[int], energy: float) ->
         raise Refusal(f"horizons are {list(horizons)}; give at least one, each 1 snapshot or more")
     if not 0 < energy <= 1:
         raise Refusal(f"energy is {energy:g}; it must be a share above 0 and at most 1, for example 0.999")
+
+
+def _reach(horizons: Sequence[int], rest: int) -> int:
+    """Return the longest horizon that the rest of the run holds."""
+    reach = max((h for h in horizons if h <= rest), default=0)
+    if not reach:
+        raise Refusal(
+            f"horizons: the shortest is {min(horizons)} snapshots, but only {rest} follow the training part; take a "
+            "shorter one, a smaller share or a smaller interval"
+        )
+    return reach
 
 
 def _cut(run: Run, interval: float, share: float) -> tuple[np.ndarray[Any, np.dtype[np.intp]], int]:
