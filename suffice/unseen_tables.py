@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.table import Column, Table
 
 from suffice.unseen_verdicts import OVERALL
-from suffice.wording import number, seconds_text
+from suffice.wording import number
 
 TITLES = {"phase": "phase averages", "time": "time means"}
 
@@ -25,12 +25,12 @@ def show_unseen(answer: Mapping[str, Any]) -> None:
     fields = [*answer["fields"], OVERALL]
     for case in answer["cases"]:
         title = f"Error at {speeds} rpm in parts of the spread over speeds: {title_of(case)}"
-        table = Table(Column("surrogate", no_wrap=True), *fields, "fit", "predict", title=title, title_justify="left")
+        heads = [key.replace("_", "\n") for key in fields]
+        table = Table(Column("surrogate", no_wrap=True), *heads, title=title, padding=(0, 0))
         for row in sorted(case["rows"], key=lambda row: float(row["errors"][OVERALL])):
-            shown = [_with_scatter(row["errors"][key], row["seed_spread"][key]) for key in fields]
-            table.add_row(
-                row["surrogate"], *shown, seconds_text(row["fit_seconds"]), seconds_text(row["predict_seconds"])
-            )
+            shown = [number(row["errors"][key]) for key in fields]
+            shown[-1] = _with_scatter(row["errors"][OVERALL], row["seed_spread"][OVERALL])
+            table.add_row(row["surrogate"], *shown)
         for name in ("statistical_floor", "projection_floor"):
             table.add_row(name.replace("_", " "), *(number(case[name][key]) for key in fields), style="dim")
         console.print(table)
@@ -39,4 +39,4 @@ def show_unseen(answer: Mapping[str, Any]) -> None:
 
 
 def _with_scatter(error: float, scatter: float) -> str:
-    return f"{number(error)} ± {number(scatter, 1)}" if scatter else number(error)
+    return f"{number(error)}±{number(scatter, 1)}" if scatter else number(error)
