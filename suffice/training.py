@@ -9,6 +9,7 @@ from pod import InputError as UnfitSnapshots
 from selection.errors import InputError as UnfitIntervals
 from selection.intervals import Subset, candidates
 from suffice.compare import CONSISTENCY
+from suffice.door import InterruptedRunError
 from suffice.making import is_trained, made
 from suffice.model import Model, check_model_place, save_model
 from suffice.progress import Reporter
@@ -89,9 +90,14 @@ def _fitted(wish: Wish, case: Case, reduced: Reduced, n: int, folder: Path, repo
     rates = None if reduced.rates is None else reduced.rates[:, :n]
     if not isinstance(surrogate, Network):
         return surrogate.fit(times, known, rates)
-    with reporter.stage("train", "steps") as advance:
-        surrogate.watched(folder, wish.resume, advance)
-        return surrogate.fit(times, known, rates)
+    try:
+        with reporter.stage("train", "steps") as advance:
+            surrogate.watched(folder, wish.resume, advance)
+            return surrogate.fit(times, known, rates)
+    except KeyboardInterrupt:
+        raise InterruptedRunError(
+            f"interrupted; the training stands in {folder}, the same command with --resume goes on"
+        ) from None
 
 
 def _model(run: Run, wish: Wish, case: Case, reduced: Reduced, surrogate: Surrogate, levels: tuple[int, int]) -> Model:
