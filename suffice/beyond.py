@@ -90,10 +90,15 @@ def compare_beyond(
         _compare_one(answer, future, run, name, names)
     if progress:
         progress(len(asked), len(asked))
+    return {**answer, "sentences": _sentences(answer, asked)}
+
+
+def _sentences(answer: dict[str, Any], asked: Sequence[str]) -> dict[str, str]:
+    """Return a sentence for each variable that was compared; Refusal where none was."""
     if not answer["rows"]:
         raise Refusal(f"nothing can be compared: {answer['left_out'][0]['reason']}")
     present = [name for name in asked if any(row["variable"] == name for row in answer["rows"])]
-    return {**answer, "sentences": {name: foretold(name, answer) for name in present}}
+    return {name: foretold(name, answer) for name in present}
 
 
 def known_ahead(asked: Sequence[str] | None) -> list[str]:

@@ -57,12 +57,12 @@ def horizon_figure(answer: Mapping[str, Any], variable: str, origin: str) -> Fig
     rows = [row for row in answer["rows"] if row["variable"] == variable]
     field, unit = error_field(rows)
     scale = answer["diameter"] if field == "rmse_diameters" else 1.0
+    colours = colours_of(row for row in rows if row["surrogate"] not in BASELINES)
     rows = [row for row in rows if origin == "end" or row["starts"] > 1]
     most = max((row["modes"] for row in rows if row["modes"] is not None), default=None)
-    data = _floors(rows, origin, most, scale)
-    for name, colour in colours_of(row for row in rows if row["surrogate"] not in BASELINES).items():
-        data += [_drawn(row, origin, most, colour, scale) for row in rows if row["surrogate"] == name]
-    data += [_baseline(row, origin, scale) for row in rows if row["surrogate"] in BASELINES]
+    data = [_baseline(row, origin, scale) for row in rows if row["surrogate"] in BASELINES]
+    data += _floors(rows, origin, most, scale)
+    data += [_drawn(r, origin, most, colours[r["surrogate"]], scale) for r in rows if r["surrogate"] in colours]
     few = [line for line in data if "legendgroup" in line]
     for line in few[1:]:  # one entry of the legend switches all of them
         line["showlegend"] = False

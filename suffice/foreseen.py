@@ -77,27 +77,7 @@ def observe_beyond(
     targets = [int(kept[trained - 1 + h]) for h in ahead]
     past, watch = _past(run, kept, trained, ahead, energy), watch_of(run, targets)
     moments = [moment_of(run, watch, k) for k in targets]
-    described = _described(watch, moments)
-    observed = [name for name, what in described.items() if what["truth"] is not None]
-    undefined = {name: UNDEFINED for name in described if name not in observed}
-    rows: list[dict[str, Any]] = []
-    left_out = [
-        {"observable": name, "surrogate": None, "reason": why} for name, why in {**watch.left_out, **undefined}.items()
-    ]
-    for done, name in enumerate([FLOOR, *names]):
-        if progress:
-            progress(done, 1 + len(names))
-        try:
-            modes, foresight = _foresight(name, past, seed)
-        except UnfitSeries as error:
-            left_out.append({"observable": None, "surrogate": name, "reason": f"{name}: {error}"})
-            continue
-        row = _row(watch, moments, foresight, observed)
-        rows.append({"surrogate": name, "modes": modes, **row})
-        left_out += _lost(name, ahead, row["rmse"])
-    if progress:
-        progress(1 + len(names), 1 + len(names))
-    return {
+    answer: dict[str, Any] = {
         "interval": interval,
         "trained": trained,
         "train_end": float(run.times[kept[trained - 1]]),
@@ -107,11 +87,29 @@ def observe_beyond(
         "energy": energy,
         "seed": seed,
         "diameter": mean_diameter(run),
-        "observables": {name: described[name] for name in observed},
-        "rows": rows,
-        "left_out": left_out,
         "notes": list(watch.notes),
+        **_described(watch, moments),
+        "rows": [],
     }
+    for done, name in enumerate([FLOOR, *names]):
+        if progress:
+            progress(done, 1 + len(names))
+        _observe_one(answer, name, past, watch, moments)
+    if progress:
+        progress(1 + len(names), 1 + len(names))
+    return answer
+
+
+def _observe_one(answer: dict[str, Any], name: str, past: Past, watch: Watch, moments: Sequence[Moment]) -> None:
+    """Add what one surrogate foresees to the answer, or why it does not."""
+    try:
+        modes, foresight = _foresight(name, past, answer["seed"])
+    except UnfitSeries as error:
+        answer["left_out"].append({"observable": None, "surrogate": name, "reason": f"{name}: {error}"})
+        return
+    row = _row(watch, moments, foresight, list(answer["observables"]))
+    answer["rows"].append({"surrogate": name, "modes": modes, **row})
+    answer["left_out"] += _lost(name, answer["horizons"], row["rmse"])
 
 
 def _past(run: Run, kept: NDArray[np.intp], trained: int, ahead: Sequence[int], energy: float) -> Past:
@@ -218,9 +216,15 @@ def _lost(name: str, ahead: Sequence[int], rmse: Sequence[float | None]) -> list
     return [{"observable": None, "surrogate": name, "reason": f"{name}: {how}"}]
 
 
-def _described(watch: Watch, moments: Sequence[Moment]) -> dict[str, dict[str, Any]]:
-    """Say what each observable is, and its value in the truth at every horizon."""
-    return {
-        name: {**what, "truths": [finite(level_of(moment.observed[name])) for moment in moments]}
-        for name, what in described_in(watch, moments).items()
+def _described(watch: Watch, moments: Sequence[Moment]) -> dict[str, Any]:
+    """Say what each observable is, with its value in the truth at every horizon, and which are left out."""
+    described = described_in(watch, moments)
+    undefined = {name: UNDEFINED for name, what in described.items() if what["truth"] is None}
+    reasons = {**watch.left_out, **undefined}
+    observables = {
+        name: {**what, "truths": [float(level_of(moment.observed[name])) for moment in moments]}
+        for name, what in described.items()
+        if name not in undefined
     }
+    left_out = [{"observable": name, "surrogate": None, "reason": why} for name, why in reasons.items()]
+    return {"observables": observables, "left_out": left_out}

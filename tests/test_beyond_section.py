@@ -95,6 +95,14 @@ def test_what_errs_ten_times_as_much_as_persistence_leaves_the_figure(answer):
     assert low < min(y for line in figure["data"] for y in line["y"])
 
 
+def test_a_surrogate_has_the_same_colour_from_either_start(answer):
+    ends, everywhere = lines(answer, "end"), lines(answer, "starts")
+    assert {"dmd", "raw-linear", "persistence"} <= set(everywhere)
+    for name in everywhere:
+        if name in ends:
+            assert everywhere[name]["line"] == ends[name]["line"], name
+
+
 def test_one_entry_of_the_legend_switches_all_lines_on_fewer_modes(answer):
     few = [line for line in horizon_figure(answer, "position.x", "end")["data"] if line.get("legendgroup") == "few"]
     assert len(few) == 3  # the floor, spline and dmd
