@@ -10,11 +10,11 @@ from pod import SnapshotMatrix
 from selection import InputError as UnfitIntervals
 from selection import Thresholds, sweep
 from selection.intervals import candidates
-from suffice.compare import default_variables, held, held_rates, mean_diameter
 from suffice.foresight import first_above, foretold
 from suffice.horizon import Ahead, Array, Future, Reduced, ahead_of_modes, ahead_of_snapshots, floors, reduce_past
 from suffice.refusal import Refusal
 from suffice.run import Run
+from suffice.variables import default_variables, held, held_rates, mean_diameter
 from surrogates import SURROGATES
 from surrogates import InputError as UnfitSeries
 
@@ -78,9 +78,7 @@ def compare_beyond(
         "energy": energy,
         "seed": seed,
         "diameter": mean_diameter(run),
-        "rows": [],
-        "bases": [],
-        "left_out": [],
+        **{table: [] for table in ("rows", "bases", "left_out")},
     }
     for done, name in enumerate(asked):
         if progress:

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pod import InputError as UnfitSnapshots
-from pod import RowSource
 from selection.errors import InputError as UnfitIntervals
 from selection.intervals import Subset, candidates, dense_interval
 from selection.tradeoff import pareto_front
@@ -26,14 +25,13 @@ from suffice.reconstruction import (
 )
 from suffice.refusal import Refusal
 from suffice.run import Run
+from suffice.variables import default_variables, held, held_rates, mean_diameter
 from suffice.winners import winners
 from surrogates import SURROGATES
 from surrogates import InputError as UnfitSeries
 
-HELD_BYTES = 2**30  # a variable up to this size is read once and kept; a larger one is streamed at every pass
 CONSISTENCY = 1.05  # of R_c up to n_c
 COSTS = ("single_seconds", "storage_bytes")
-QUANTITIES_COMPARED = ("position.", "velocity.")
 
 Table = list[dict[str, Any]]
 
@@ -112,18 +110,7 @@ def compare(
     if seeds < 1:
         raise Refusal(f"seeds is {seeds}; give at least 1")
     found, effort = Comparison([], [], []), Effort(seed, seeds, training_seconds)
-    for i, name in enumerate(asked):
-        values, rates = held(run, name), held_rates(run, name, names)
-        for j, subset in enumerate(subsets):
-            if progress:
-                progress(i * len(subsets) + j, len(asked) * len(subsets))
-            unseen = np.setdiff1d(subset.testing, subset.training)
-            place = Place(name, subset.interval, run.variable(name).unit, diameter)
-            _compare_case(
-                found, Case(values, rates, run.times, subset.training, unseen), place, names, (energy, effort)
-            )
-    if progress:
-        progress(len(asked) * len(subsets), len(asked) * len(subsets))
+    _compare_all(found, run, (asked, subsets, names), (energy, effort), progress)
     if not found.rows:
         raise Refusal(f"nothing can be compared: {found.left_out[0]['reason']}")
     mark_fronts(found.rows)
@@ -142,10 +129,25 @@ def compare(
     }
 
 
-def mean_diameter(run: Run) -> float | None:
-    """Return the mean particle diameter in m, None where the run does not know every radius."""
-    diameter = 2 * float(np.mean(run.radius)) if len(run.radius) else float("nan")
-    return diameter if np.isfinite(diameter) and diameter > 0 else None
+def _compare_all(
+    found: Comparison,
+    run: Run,
+    asked: tuple[Sequence[str], Sequence[Subset], Sequence[str]],
+    how: tuple[float, Effort],
+    progress: Callable[[int, int], None] | None,
+) -> None:
+    """Add every case to the tables. asked: variables, training sets and surrogates."""
+    variables, subsets, names = asked
+    for i, name in enumerate(variables):
+        values, rates = held(run, name), held_rates(run, name, names)
+        for j, subset in enumerate(subsets):
+            if progress:
+                progress(i * len(subsets) + j, len(variables) * len(subsets))
+            unseen = np.setdiff1d(subset.testing, subset.training)
+            place = Place(name, subset.interval, run.variable(name).unit, mean_diameter(run))
+            _compare_case(found, Case(values, rates, run.times, subset.training, unseen), place, names, how)
+    if progress:
+        progress(len(variables) * len(subsets), len(variables) * len(subsets))
 
 
 def known_surrogates(asked: Sequence[str] | None) -> list[str]:
@@ -164,11 +166,6 @@ def known_surrogates(asked: Sequence[str] | None) -> list[str]:
     return list(dict.fromkeys(asked))
 
 
-def default_variables(run: Run) -> list[str]:
-    """Return the components of position and velocity, all variables where there are none."""
-    return [name for name in run.variables if name.startswith(QUANTITIES_COMPARED)] or run.variables
-
-
 def _subsets(run: Run, intervals: Sequence[float] | None) -> list[Subset]:
     """Training and testing sets of every Δτ, coarse to fine."""
     try:
@@ -182,21 +179,6 @@ def _subsets(run: Run, intervals: Sequence[float] | None) -> list[Subset]:
                 f"predict; take at least {2 * subset.interval:g} s"
             )
     return subsets
-
-
-def held(run: Run, name: str) -> RowSource:
-    """Return a variable, in memory if it is small enough."""
-    variable = run.variable(name)
-    small = variable.shape[0] * variable.shape[1] * variable.dtype.itemsize <= HELD_BYTES
-    return variable[:] if small else variable
-
-
-def held_rates(run: Run, name: str, surrogates: Sequence[str]) -> RowSource | None:
-    """Return the derivative of a position, the stored velocity, if there is one and a surrogate asks for it."""
-    rate = name.replace("position", "velocity", 1)
-    stored = rate in run.variables or f"{rate}.x" in run.variables
-    needed = any(SURROGATES[surrogate].needs_rates or SURROGATES[surrogate].uses_rates for surrogate in surrogates)
-    return held(run, rate) if name.startswith("position") and stored and needed else None
 
 
 def _compare_case(found: Comparison, case: Case, place: Place, names: Sequence[str], how: tuple[float, Effort]) -> None:

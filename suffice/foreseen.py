@@ -10,12 +10,12 @@ from pod import InputError as UnfitSnapshots
 from pod import SnapshotMatrix
 from selection.intervals import dense_interval
 from suffice.beyond import check_ahead, cut_at, known_ahead, within
-from suffice.compare import held, held_rates, mean_diameter
 from suffice.horizon import Array, Future, Reduced, ask_ahead, fit_past, reduce_past
 from suffice.making import is_trained, made
 from suffice.observables import Watch, observable_errors, observe, watch_of
 from suffice.refusal import Refusal
 from suffice.run import Run
+from suffice.variables import held, held_rates, mean_diameter
 from suffice.watched import FLOOR, STEP, UNDEFINED, Moment, described_in, level_of, moment_of
 from suffice.wording import finite
 from surrogates import SURROGATES

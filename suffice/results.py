@@ -8,9 +8,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from suffice.compare import mean_diameter
 from suffice.refusal import Refusal
 from suffice.run import Run
+from suffice.variables import mean_diameter
 
 RUN, SELECTION, COMPARISON, UNSEEN, LOG = "run.h5", "select.json", "compare.json", "unseen.json", "stages.json"
 LEDGER = "energy."

@@ -8,13 +8,14 @@ import numpy as np
 from pod import InputError as UnfitSnapshots
 from selection.errors import InputError as UnfitIntervals
 from selection.intervals import Subset, candidates
-from suffice.compare import CONSISTENCY, held, held_rates, mean_diameter
+from suffice.compare import CONSISTENCY
 from suffice.making import is_trained, made
 from suffice.model import Model, check_model_place, save_model
 from suffice.progress import Reporter
 from suffice.reconstruction import Case, Reduced, consistent_level, projection_errors, reduce, training_remark
 from suffice.refusal import Refusal
 from suffice.run import Run
+from suffice.variables import held, held_rates, mean_diameter
 from surrogates import SURROGATES, Network, Surrogate
 
 

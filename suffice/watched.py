@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pod import InputError as UnfitSnapshots
-from pod import RowSource, SnapshotMatrix
+from pod import SnapshotMatrix
 from selection.errors import InputError as UnfitIntervals
 from selection.intervals import candidates, dense_interval
-from suffice.compare import HELD_BYTES, known_surrogates, mean_diameter
+from suffice.compare import known_surrogates
 from suffice.making import made
 from suffice.observables import (
     UNITS_OF_ENERGY,
@@ -23,10 +23,11 @@ from suffice.observables import (
     room_at,
     watch_of,
 )
-from suffice.reconstruction import BLOCK_VALUES, Case, Reduced, reduce
+from suffice.reconstruction import Case, Reduced, reduce
 from suffice.refusal import Refusal
 from suffice.run import Run
 from suffice.solids import Profile
+from suffice.variables import columns_of, held, mean_diameter
 from suffice.wording import finite
 from surrogates import SURROGATES, Surrogate
 from surrogates import InputError as UnfitSeries
@@ -77,12 +78,7 @@ def compare_observables(
     snapshots.
     """
     names = known_surrogates(surrogates)
-    if "position" not in run.quantities:
-        raise Refusal(
-            f"{run.path} holds no positions, so there is nothing to observe; it has {', '.join(run.variables)}"
-        )
-    if not 0 < energy <= 1:
-        raise Refusal(f"energy is {energy:g}; it must be a share above 0 and at most 1, for example 0.999")
+    _check(run, energy)
     training, unseen = _split(run, interval)
     watch = watch_of(run, unseen)
     case = _case(run, training, unseen)
@@ -97,17 +93,8 @@ def compare_observables(
     left_out = [
         {"observable": name, "surrogate": None, "reason": why} for name, why in {**watch.left_out, **undefined}.items()
     ]
-    rows: list[dict[str, Any]] = []
-    for done, name in enumerate([FLOOR, *names]):
-        if progress:
-            progress(done, 1 + len(names))
-        try:
-            for modes, predict in _predictions(name, case, reduced, seed):
-                rows.append({"surrogate": name, "modes": modes, **_observed(watch, moments, predict, names_observed)})
-        except UnfitSeries as error:
-            left_out.append({"observable": None, "surrogate": name, "reason": f"{name}: {error}"})
-    if progress:
-        progress(1 + len(names), 1 + len(names))
+    seen = (watch, moments, names_observed)
+    rows = _all_rows(seen, case, reduced, names, seed, left_out, progress)
     return {
         "interval": interval,
         "dense_interval": dense_interval(run.times),
@@ -124,6 +111,40 @@ def compare_observables(
         "left_out": left_out,
         "notes": list(watch.notes),
     }
+
+
+def _all_rows(
+    seen: tuple[Watch, Sequence[Moment], Sequence[str]],
+    case: Case,
+    reduced: Reduced,
+    names: Sequence[str],
+    seed: int,
+    left_out: list[dict[str, Any]],
+    progress: Callable[[int, int], None] | None,
+) -> list[dict[str, Any]]:
+    """Rows of every surrogate and number of modes; what cannot be fitted is added to `left_out`."""
+    watch, moments, observed = seen
+    rows: list[dict[str, Any]] = []
+    for done, name in enumerate([FLOOR, *names]):
+        if progress:
+            progress(done, 1 + len(names))
+        try:
+            for modes, predict in _predictions(name, case, reduced, seed):
+                rows.append({"surrogate": name, "modes": modes, **_observed(watch, moments, predict, observed)})
+        except UnfitSeries as error:
+            left_out.append({"observable": None, "surrogate": name, "reason": f"{name}: {error}"})
+    if progress:
+        progress(1 + len(names), 1 + len(names))
+    return rows
+
+
+def _check(run: Run, energy: float) -> None:
+    if "position" not in run.quantities:
+        raise Refusal(
+            f"{run.path} holds no positions, so there is nothing to observe; it has {', '.join(run.variables)}"
+        )
+    if not 0 < energy <= 1:
+        raise Refusal(f"energy is {energy:g}; it must be a share above 0 and at most 1, for example 0.999")
 
 
 def _split(run: Run, interval: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -143,14 +164,8 @@ def _split(run: Run, interval: float) -> tuple[NDArray[np.intp], NDArray[np.intp
 
 
 def _case(run: Run, training: NDArray[np.intp], unseen: NDArray[np.intp]) -> Case:
-    rates = _held(run, "velocity") if "velocity" in run.quantities else None
-    return Case(_held(run, "position"), rates, run.times, training, unseen)
-
-
-def _held(run: Run, name: str) -> RowSource:
-    """Return a variable, in memory if it is small enough."""
-    variable = run.variable(name)
-    return variable[:] if variable.shape[0] * variable.shape[1] * variable.dtype.itemsize <= HELD_BYTES else variable
+    rates = held(run, "velocity") if "velocity" in run.quantities else None
+    return Case(held(run, "position"), rates, run.times, training, unseen)
 
 
 def moment_of(run: Run, watch: Watch, k: int) -> Moment:
@@ -184,17 +199,9 @@ def _modal(name: str, case: Case, reduced: Reduced, n: int, seed: int) -> Predic
 
 
 def _raw(name: str, case: Case, seed: int) -> Surrogate:
-    values = _columns(case.values, case.training)
-    rates = _columns(case.rates, case.training) if case.rates is not None and SURROGATES[name].needs_rates else None
+    values = columns_of(case.values, case.training)
+    rates = columns_of(case.rates, case.training) if case.rates is not None and SURROGATES[name].needs_rates else None
     return made(name, seed).fit(case.times[case.training], values, rates)
-
-
-def _columns(source: Any, which: NDArray[np.intp]) -> NDArray[Any]:
-    """Return some of the snapshots in full, (len(which), 3n), in the stored precision."""
-    rows, snapshots = source.shape
-    step = max(BLOCK_VALUES // snapshots, 1)
-    blocks = [source[start : min(start + step, rows)][:, which].T for start in range(0, rows, step)]
-    return np.ascontiguousarray(np.concatenate(blocks, axis=1))
 
 
 def _around(case: Case, k: int) -> Array:

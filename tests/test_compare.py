@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from suffice import compare as comparing
-from suffice import reconstruction
+from suffice import reconstruction, variables
 from suffice.compare import compare
 from suffice.making import is_trained
 from suffice.readers import import_run
@@ -187,7 +186,7 @@ def test_what_cannot_be_compared_is_left_out_with_its_reason(tmp_path):
 
 def test_reading_the_run_in_small_blocks_changes_no_error(wavy, monkeypatch):
     held = compare(wavy, ["position.x"], [0.005, 0.003])
-    monkeypatch.setattr(comparing, "HELD_BYTES", 0)
+    monkeypatch.setattr(variables, "HELD_BYTES", 0)
     monkeypatch.setattr(reconstruction, "BLOCK_VALUES", 7 * 42)  # 7 of the 40 rows
     streamed = compare(wavy, ["position.x"], [0.005, 0.003])
     for one, other in zip(held["rows"], streamed["rows"], strict=True):

@@ -132,7 +132,7 @@ def test_nothing_is_extrapolated_in_silence(source, tmp_path, suffice):
         (lambda folder: change_array(folder, "surrogate/values", lambda a: a[:, :-1]), "modes of shape|damaged"),
         (lambda folder: change_array(folder, "surrogate/times", lambda a: a[::-1]), "damaged"),
     ],
-    ids=str,
+    ids=range(13),
 )
 def test_a_damaged_or_hostile_model_is_refused_by_one_message(source, tmp_path, suffice, harm, says):
     trained(source, tmp_path / "model")
