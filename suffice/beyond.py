@@ -61,10 +61,12 @@ def compare_beyond(
     Raises `Refusal` for unknown names, numbers out of range, an interval that is no multiple of the dense one, or a run
     too short to be cut.
     """
-    names, asked = _known(surrogates), list(dict.fromkeys(variables or default_variables(run)))
-    _check(share, starts, horizons, energy)
-    kept, trained = _cut(run, interval, share)
-    reach = _reach(horizons, len(kept) - trained)
+    names = known_ahead(surrogates)
+    asked = default_variables(run) if variables is None else list(dict.fromkeys(variables))
+    check_ahead(share, starts, horizons, energy)
+    kept, trained = cut_at(run, interval, share)
+    ahead = within(horizons, len(kept) - trained)
+    reach = ahead[-1]
     spread = np.unique(np.linspace(trained - 1, len(kept) - 1 - reach, starts).round().astype(np.intp))
     answer: dict[str, Any] = {
         "task": "beyond",
@@ -72,7 +74,7 @@ def compare_beyond(
         "trained": trained,
         "train_end": float(run.times[kept[trained - 1]]),
         "start_times": [float(run.times[kept[start]]) for start in spread],
-        "horizons": [h for h in sorted(set(horizons)) if h <= reach],
+        "horizons": ahead,
         "energy": energy,
         "seed": seed,
         "diameter": mean_diameter(run),
@@ -86,14 +88,22 @@ def compare_beyond(
         _compare_one(answer, future, run, name, names)
     if progress:
         progress(len(asked), len(asked))
+    return {**answer, "sentences": _sentences(answer, asked)}
+
+
+def _sentences(answer: dict[str, Any], asked: Sequence[str]) -> dict[str, str]:
+    """Return a sentence for each variable that was compared; Refusal where none was."""
     if not answer["rows"]:
         raise Refusal(f"nothing can be compared: {answer['left_out'][0]['reason']}")
-    present = {row["variable"] for row in answer["rows"]}
-    return {**answer, "sentences": {name: foretold(name, answer) for name in asked if name in present}}
+    present = [name for name in asked if any(row["variable"] == name for row in answer["rows"])]
+    return {name: foretold(name, answer) for name in present}
 
 
-def _known(asked: Sequence[str] | None) -> list[str]:
-    """Return the surrogates to compare, default all; persistence always, for all is held against it."""
+def known_ahead(asked: Sequence[str] | None) -> list[str]:
+    """Return the surrogates to compare, default all; persistence always, for all is held against it.
+
+    Raises Refusal for a name that is not known, or for none.
+    """
     for name in asked or ():
         if name not in SURROGATES:
             raise Refusal(f"surrogate {name!r} is not known; use {', '.join(SURROGATES)}")
@@ -102,7 +112,8 @@ def _known(asked: Sequence[str] | None) -> list[str]:
     return list(dict.fromkeys(SURROGATES if asked is None else [*asked, "persistence"]))
 
 
-def _check(share: float, starts: int, horizons: Sequence[int], energy: float) -> None:
+def check_ahead(share: float, starts: int, horizons: Sequence[int], energy: float) -> None:
+    """Raise Refusal for a number out of range."""
     if not 0 < share < 1:
         raise Refusal(f"share is {share:g}; the training part must be above 0 and below 1 of the run, for example 0.67")
     if starts < 1:
@@ -113,19 +124,8 @@ def _check(share: float, starts: int, horizons: Sequence[int], energy: float) ->
         raise Refusal(f"energy is {energy:g}; it must be a share above 0 and at most 1, for example 0.999")
 
 
-def _reach(horizons: Sequence[int], rest: int) -> int:
-    """Return the longest horizon that the rest of the run holds."""
-    reach = max((h for h in horizons if h <= rest), default=0)
-    if not reach:
-        raise Refusal(
-            f"horizons: the shortest is {min(horizons)} snapshots, but only {rest} follow the training part; take a "
-            "shorter one, a smaller share or a smaller interval"
-        )
-    return reach
-
-
-def _cut(run: Run, interval: float, share: float) -> tuple[np.ndarray[Any, np.dtype[np.intp]], int]:
-    """Snapshots one Δτ apart, and how many of them are trained on."""
+def cut_at(run: Run, interval: float, share: float) -> tuple[np.ndarray[Any, np.dtype[np.intp]], int]:
+    """Snapshots one Δτ apart, and how many of them are trained on; Refusal where there are too few."""
     try:
         (subset,) = candidates(run.times, [interval])
     except UnfitIntervals as error:
@@ -138,6 +138,17 @@ def _cut(run: Run, interval: float, share: float) -> tuple[np.ndarray[Any, np.dt
             f"{FEWEST} and one to predict are needed, take a smaller interval or another share"
         )
     return kept, trained
+
+
+def within(horizons: Sequence[int], left: int) -> list[int]:
+    """Return the horizons that the `left` snapshots after the training part reach, rising; Refusal where none does."""
+    ahead = sorted({h for h in horizons if h <= left})
+    if not ahead:
+        raise Refusal(
+            f"horizons: the shortest is {min(horizons)} snapshots, but only {left} follow the training part; take a "
+            "shorter one, a smaller share or a smaller interval"
+        )
+    return ahead
 
 
 def _compare_one(answer: dict[str, Any], future: Future, run: Run, variable: str, names: Sequence[str]) -> None:

@@ -4,13 +4,16 @@ from typing import Any
 
 from pydantic import Field
 
+from suffice.beyond import compare_beyond
 from suffice.choice import Limits, cheapest
 from suffice.compare import compare, known_surrogates, mark_fronts
+from suffice.making import is_trained
 from suffice.progress import Reporter
 from suffice.run import Run
 from suffice.stages import Settings
 from suffice.watched import compare_observables
 from suffice.winners import winners
+from surrogates import SURROGATES
 
 
 class Networks(Settings):
@@ -33,6 +36,7 @@ class Comparing(Settings):
     max_seconds: float | None = Field(default=None, gt=0, description="per snapshot, s")
     networks: Networks | None = None
     observables: list[float] = Field(default=[], description="Δτ at which observables are compared, s")
+    beyond: list[float] = Field(default=[], description="Δτ at which what follows the first two thirds is predicted, s")
 
     def check(self) -> None:
         """Raise Refusal for a surrogate that there is not."""
@@ -42,7 +46,7 @@ class Comparing(Settings):
 
 
 def compare_as_wished(run: Run, wish: Comparing, seed: int, reporter: Reporter) -> dict[str, Any]:
-    """Compare surrogates, networks where they are wanted, and observables; one answer, ready for JSON."""
+    """Compare surrogates, networks where wanted, observables, and what lies beyond the window; ready for JSON."""
     with reporter.stage("compare", "cases") as advance:
         answer = compare(
             run,
@@ -61,7 +65,16 @@ def compare_as_wished(run: Run, wish: Comparing, seed: int, reporter: Reporter) 
     for interval in wish.observables:
         with reporter.stage("observe", "surrogates") as advance:
             watched.append(compare_observables(run, interval, wish.surrogates, seed=seed, progress=advance))
-    return {**answer, "observables": watched}
+    return {**answer, "observables": watched, "beyond": _foreseen(run, wish, seed, reporter)}
+
+
+def _foreseen(run: Run, wish: Comparing, seed: int, reporter: Reporter) -> list[dict[str, Any]]:
+    """Predict beyond the window at each Δτ that is wanted, with all surrogates that need no training."""
+    quick, found = [name for name in SURROGATES if not is_trained(name)], []
+    for interval in wish.beyond:
+        with reporter.stage("foresee", "variables") as advance:
+            found.append(compare_beyond(run, wish.variables, interval, quick, seed=seed, progress=advance))
+    return found
 
 
 def _with_networks(run: Run, answer: dict[str, Any], wish: Networks, seed: int, reporter: Reporter) -> dict[str, Any]:

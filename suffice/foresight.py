@@ -45,6 +45,8 @@ def _best(ranked: Sequence[tuple[float | None, Mapping[str, Any]]]) -> str:
     if not known:
         return "nothing moves, and nothing can be better than persistence"
     (least, best), *others = known
+    if least >= 1:
+        return f"nothing is better than persistence, {_named(best)} least bad with {number(least)} times its error"
     said = f"{_named(best)} errs least, {number(least)} times the error of persistence"
     if tied := [_named(row) for share, row in others if share <= TIED * least]:
         said += f", tied with {', '.join(tied)}"

@@ -94,12 +94,11 @@ def ahead_of_modes(name: str, future: Future, reduced: Reduced, n: int, seed: in
     snapshot it starts from is known, so x(s) + Σ (ĉ - c(s)) φ is predicted: what the modes miss of it stays as it is.
     Raises surrogates.InputError where it cannot be fitted.
     """
-    m, known = future.trained, reduced.coefficients[:, :n]
-    rates = None if reduced.rates is None else reduced.rates[:, :n]
-    surrogate = made(name, seed).fit(future.times[:m], known[:m], rates)
+    known, surrogate = reduced.coefficients[:, :n], fit_past(name, future, reduced, n, seed)
+    times: Array = surrogate.window_[1] + surrogate.interval_ * np.arange(1.0, future.reach + 1.0)
     which = np.arange(len(future.starts) if surrogate.kind == "state" else 1)
     begin = perf_counter()
-    predicted = np.stack([_asked(surrogate, known, int(start), future.reach) for start in future.starts[which]])
+    predicted = np.stack([ask_ahead(surrogate, known, int(start), times) for start in future.starts[which]])
     seconds = (perf_counter() - begin) / (len(which) * future.reach)
     miss = np.square(predicted - known[future.targets[which]]).sum(axis=-1) / len(reduced.basis.mean)
     kept, alone = floors(future, reduced, n)
@@ -108,15 +107,23 @@ def ahead_of_modes(name: str, future: Future, reduced: Reduced, n: int, seed: in
     )
 
 
-def _asked(surrogate: Surrogate, known: Array, start: int, reach: int) -> Array:
-    """Coefficients (reach, n) ahead of a start; NaN from where a rollout is lost."""
-    times = surrogate.window_[1] + surrogate.interval_ * np.arange(1, reach + 1)
+def fit_past(name: str, future: Future, reduced: Reduced, n: int, seed: int) -> Surrogate:
+    """Fit one surrogate to n coefficients of the training part. Raises surrogates.InputError where it cannot be."""
+    m, rates = future.trained, None if reduced.rates is None else reduced.rates[:, :n]
+    return made(name, seed).fit(future.times[:m], reduced.coefficients[:m, :n], rates)
+
+
+def ask_ahead(surrogate: Surrogate, known: Array, start: int, times: Array) -> Array:
+    """Coefficients (times, n) ahead of a start, (M, n) being known; NaN from where a rollout is lost.
+
+    times: rising, s, counted as if the start stood at the end of training; a regressor in time knows no other start.
+    """
     past = None
     if surrogate.kind == "state":
         memory: int = surrogate.memory_  # type: ignore[attr-defined]
         past = known[start - memory + 1 : start + 1]
-    predicted = np.full((reach, known.shape[1]), np.nan)
-    for count in range(reach, 0, -1):
+    predicted = np.full((len(times), known.shape[1]), np.nan)
+    for count in range(len(times), 0, -1):
         try:
             predicted[:count] = surrogate.predict(times[:count], past, beyond=True)
         except InputError:

@@ -67,7 +67,7 @@ def error_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     """Error at unseen times against Δτ for each surrogate and baseline, with the floor that projection sets."""
     field, unit = error_field(rows)
     data = [_floor_line(rows, field, most=True), _floor_line(rows, field, most=False)]
-    for name, colour in _colours(rows).items():
+    for name, colour in colours_of(rows).items():
         own = [row for row in rows if row["surrogate"] == name]
         raw = all(row["modes"] is None for row in own)
         data.append(_error_line(escape(name), _levels(own, True), field, {"color": colour, "width": 3 if raw else 2}))
@@ -79,7 +79,7 @@ def error_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     layout = _layout("Δτ (ms)", f"error ({unit})", "log", "log")
     values = sorted({row["interval"] * 1e3 for row in rows})
     layout["xaxis"] |= {"tickvals": values, "ticktext": [f"{value:.3g}" for value in values]}
-    layout["yaxis"] |= _ticks(y for line in data for y in line["y"])
+    layout["yaxis"] |= ticks(y for line in data for y in line["y"])
     return {"data": data, "layout": layout}
 
 
@@ -92,7 +92,7 @@ def tradeoff_figure(rows: Sequence[Mapping[str, Any]], cost: str) -> Figure:
     data: list[Figure] = [
         {"type": "scatter", "mode": "lines", "name": "front", "line": line, "hoverinfo": "skip", **xy}
     ]
-    for name, colour in _colours(rows).items():
+    for name, colour in colours_of(rows).items():
         # the first mark stands in the legend: let it be a filled one
         own = sorted((row for row in rows if row["surrogate"] == name), key=lambda row: -(row["modes"] or 0))
         few = {(r["variable"], r["interval"]): r["modes"] for r in _levels(own, False)}
@@ -110,8 +110,8 @@ def tradeoff_figure(rows: Sequence[Mapping[str, Any]], cost: str) -> Figure:
             }
         )
     layout = _layout(COSTS[cost], f"error ({unit})", "log", "log")
-    layout["xaxis"] |= _ticks((row[cost] for row in rows), seconds_text if cost == "single_seconds" else bytes_text)
-    layout["yaxis"] |= _ticks(row[field] for row in rows)
+    layout["xaxis"] |= ticks((row[cost] for row in rows), seconds_text if cost == "single_seconds" else bytes_text)
+    layout["yaxis"] |= ticks(row[field] for row in rows)
     return {"data": data, "layout": layout}
 
 
@@ -201,7 +201,8 @@ def _marks(candidate: Mapping[str, Any] | None, ratio: Sequence[Any], colour: st
     return found
 
 
-def _colours(rows: Iterable[Mapping[str, Any]]) -> dict[str, str]:
+def colours_of(rows: Iterable[Mapping[str, Any]]) -> dict[str, str]:
+    """Return a colour for each surrogate of the rows, in their order."""
     names = dict.fromkeys(row["surrogate"] for row in rows)
     return {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(names)}
 
@@ -264,7 +265,7 @@ def _level(y: float) -> Figure:
     return {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": y, "y1": y, "line": line}
 
 
-def _ticks(values: Iterable[Any], text: Callable[[float], str] = "{:.6g}".format) -> Figure:
+def ticks(values: Iterable[Any], text: Callable[[float], str] = "{:.6g}".format) -> Figure:
     """Put marks at 1, 2 and 5 times a power of ten, in plain figures; at the powers alone where there are many."""
     known = [value for value in map(finite, values) if value is not None and value > 0]
     if not known:

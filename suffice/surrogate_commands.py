@@ -80,6 +80,9 @@ def compare(
     seed: Seed = 0,
     seeds: Annotated[int, typer.Option(help="trainings of each network, their spread is shown")] = 1,
     training_seconds: Annotated[float | None, typer.Option(help="longest training of a network, s")] = None,
+    observables: Annotated[
+        bool, typer.Option("--observables", help="of --task beyond: what the predicted snapshots are worth, too")
+    ] = False,
     json: Json = None,
 ) -> None:
     """Train surrogates and baselines and compare them: error against cost, and the cheapest that keeps a limit."""
@@ -87,6 +90,8 @@ def compare(
 
     if task not in TASKS:
         raise Refusal(f"--task {task!r} is not known; use {', '.join(TASKS)}")
+    if observables and task != "beyond":
+        raise Refusal(f"--observables belongs to --task beyond, not to {task}; between snapshots it is a task itself")
     if task == "unseen":
         _compare_unseen(context, runs, held_out, surrogate, (seed, seeds), json)
         return
@@ -94,7 +99,7 @@ def compare(
         raise Refusal(f"--task {task} compares within one run, {len(runs)} are given; name one")
     how = {"surrogates": surrogate, "seed": seed}
     if task == "beyond":
-        _compare_beyond(context, runs[0], variables, interval, how, json)
+        _compare_beyond(context, runs[0], (variables, interval, observables), how, json)
     elif task == "observables":
         _compare_observables(context, runs[0], interval, how, json)
     else:
@@ -120,17 +125,26 @@ def _compare_between(
 
 
 def _compare_beyond(
-    context: typer.Context, path: Path, variables: list[str] | None, interval: str | None, how: Any, json: Any
+    context: typer.Context, path: Path, asked: tuple[list[str] | None, str | None, bool], how: Any, json: Any
 ) -> None:
     from suffice.beyond import compare_beyond
+    from suffice.foreseen import observe_beyond
     from suffice.foresight import show_beyond
     from suffice.run import Run
+    from suffice.show_foreseen import show_foreseen
 
-    step = _one_interval("beyond", interval)
-    with Run(path) as run, context.obj.stage("compare", "surrogates") as advance:
-        answer = compare_beyond(run, variables, step, progress=advance, **how)
+    variables, interval, observables = asked
+    step, watched = _one_interval("beyond", interval), {}
+    with Run(path) as run:
+        if observables:
+            with context.obj.stage("observe", "surrogates") as advance:
+                watched = {"observables": observe_beyond(run, step, progress=advance, **how)}
+        with context.obj.stage("compare", "variables") as advance:
+            answer = compare_beyond(run, variables, step, progress=advance, **how) | watched
     if tell(answer, json):
         show_beyond(answer)
+        if observables:
+            show_foreseen(answer["observables"])
 
 
 def _compare_observables(context: typer.Context, path: Path, interval: str | None, how: Any, json: Any) -> None:

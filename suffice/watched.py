@@ -86,8 +86,8 @@ def compare_observables(
         reduced = reduce(case, energy)
     except UnfitSnapshots as error:
         raise Refusal(f"{run.path}: position: {error}") from None
-    moments = [_moment(run, watch, int(k)) for k in unseen]
-    described = _described(watch, moments)
+    moments = [moment_of(run, watch, int(k)) for k in unseen]
+    described = described_in(watch, moments)
     names_observed = [name for name, what in described.items() if what["truth"] is not None]
     undefined = {name: UNDEFINED for name in described if name not in names_observed}
     left_out = [
@@ -168,7 +168,8 @@ def _case(run: Run, training: NDArray[np.intp], unseen: NDArray[np.intp]) -> Cas
     return Case(held(run, "position"), rates, run.times, training, unseen)
 
 
-def _moment(run: Run, watch: Watch, k: int) -> Moment:
+def moment_of(run: Run, watch: Watch, k: int) -> Moment:
+    """Return snapshot k of a run, observed."""
     values = run.snapshot(k).values
     position = np.asarray(values["position"], dtype=np.float64)
     velocity = np.asarray(values["velocity"], dtype=np.float64) if "velocity" in values else None
@@ -271,12 +272,12 @@ def _profiles(like: Observables, observed: Sequence[Observables]) -> dict[str, d
     return found
 
 
-def _described(watch: Watch, moments: Sequence[Moment]) -> dict[str, dict[str, Any]]:
+def described_in(watch: Watch, moments: Sequence[Moment]) -> dict[str, dict[str, Any]]:
     """Say what each observable is, and its mean in the truth (of profiles over bins, too)."""
     described = {}
     for name, first in moments[0].observed.items():
         meaning, values = meaning_of(name), [moment.observed[name] for moment in moments]
-        levels = [_level(value) for value in values]
+        levels = [level_of(value) for value in values]
         unit = UNITS_OF_ENERGY[watch.setting.weight_unit] if name == "kinetic_energy" else meaning.unit
         described[name] = {
             "text": meaning.text,
@@ -289,7 +290,8 @@ def _described(watch: Watch, moments: Sequence[Moment]) -> dict[str, dict[str, A
     return described
 
 
-def _level(value: float | Profile) -> float:
+def level_of(value: float | Profile) -> float:
+    """Return an observable as one number: a profile averaged over its bins, weighted by the room in them."""
     if not isinstance(value, Profile):
         return value
     known = np.isfinite(value.values)

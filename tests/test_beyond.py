@@ -7,7 +7,7 @@ import pytest
 
 from suffice import beyond, making
 from suffice.beyond import compare_beyond
-from suffice.foresight import first_above, show_beyond
+from suffice.foresight import first_above, foretold, show_beyond
 from suffice.readers import import_run
 from suffice.refusal import Refusal
 from suffice.run import Run
@@ -167,6 +167,13 @@ def test_where_curves_cross_is_the_first_horizon_above():
     assert first_above([1.0, 2.0, 5.0], [1.0, 3.0, 4.0]) == 3
     assert first_above([1.0, 2.0], [2.0, 3.0]) is None
     assert first_above([1.0, None], [2.0, 3.0]) == 2  # a rollout that is lost is worse than anything
+
+
+def test_where_nothing_is_better_than_persistence_the_sentence_praises_nobody():
+    one = {"variable": "x", "surrogate": "dmd", "modes": 3, "starts": 1, "rmse": [2.0], "persistence": [1.5]}
+    said = foretold("x", {"rows": [{**one, "from_end": {"over_persistence": 4 / 3}}], "interval": 0.002})
+    assert "nothing is better than persistence, dmd with 3 modes least bad with 1.33 times its error" in said
+    assert "errs least" not in said
 
 
 def test_crossings_agree_with_the_curves(answer):
