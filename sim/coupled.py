@@ -24,6 +24,8 @@ class CoupledSimulation(FluidSide, Simulation):
             self.coupling = Coupling(scene.drag, self.gravity, len(self.particles.radius))
         self.seconds |= {"exchange": 0.0, "immersed": 0.0}
         self._check_inside()
+        if self.coupling is not None:
+            self.coupling.start_(self.fluid, self.particles)
 
     def velocities(self) -> Array:
         """Velocities (n, 3) of the particles, m/s."""

@@ -37,6 +37,16 @@ class Coupling:
         self.clamped = 0  # void fractions below the least one, of all steps
         self.time = np.inf  # s, mean of the times in which slip would decay on the side of fluid and of particles
 
+    def start_(self, fluid: Fluid, p: Particles) -> None:
+        """Let the fluid know where the particles are before any step: a first snapshot shows them, too."""
+        if self.two_way:
+            fluid.void_fraction = self.void_fraction(fluid, self._cloud(fluid, p), p.position, p.radius)
+            self.clamped = 0
+
+    def _cloud(self, fluid: Fluid, p: Particles) -> Cloud:
+        openness = None if fluid.immersed is None else 1.0 - fluid.immersed.share[3]
+        return cloud_of(fluid.grid, 2.0 * self.drag.kernel * float(p.radius.max()), openness)
+
     def begin_(
         self, fluid: Fluid, p: Particles, held: NDArray[np.bool_], dt: float, time: float, particle_step: float
     ) -> Suspended:
@@ -44,8 +54,7 @@ class Coupling:
 
         `held` (n,) tells which of them touch something now; they will do steps of `particle_step` (s).
         """
-        openness = None if fluid.immersed is None else 1.0 - fluid.immersed.share[3]
-        cloud = cloud_of(fluid.grid, 2.0 * self.drag.kernel * float(p.radius.max()), openness)
+        cloud = self._cloud(fluid, p)
         if self.two_way:
             fluid.void_fraction = self.void_fraction(fluid, cloud, p.position, p.radius)
         seen = self._seen(fluid, cloud, p)

@@ -131,7 +131,8 @@ def test_the_void_fraction_that_a_run_stores_is_that_of_its_beads(tmp_path):
     path = tmp_path / "run.h5"
     simulate_to(scene_text("mini_mill"), "mini_mill", path, Reporter(as_json=True), until=0.004)
     with Run(path) as run:
-        found = Eulerian(run).at(run.n_snapshots - 1)
-    # the solver's is of where it expects the beads at the end of its step
-    apart = found.void_fraction - np.maximum(1.0 - found.solid, 0.2)
-    assert np.sqrt((apart**2).mean()) < 0.01 * found.solid.std()
+        first, last = (Eulerian(run).at(k) for k in (0, run.n_snapshots - 1))
+    np.testing.assert_allclose(first.void_fraction, np.maximum(1.0 - first.solid, 0.2), atol=1e-6)
+    # later the solver's is of where it expected the beads at the end of its step: who collides on the way is elsewhere
+    apart = last.void_fraction - np.maximum(1.0 - last.solid, 0.2)
+    assert np.sqrt((apart**2).mean()) < 0.03 * last.solid.std()
