@@ -8,25 +8,26 @@ from numpy.typing import NDArray
 
 from surrogates.companion import companion, drawn_back
 from surrogates.errors import InputError
-from surrogates.past import Array, Past, parts
+from surrogates.past import Array, Past
 from surrogates.series import Series
 from surrogates.state_map import LOST, StateMap
 from surrogates.surrogate import saved_table
 
 RIDGES = (np.inf, *(10.0**k for k in range(1, -16, -1)), 0.0)  # of the largest singular value squared, stiffest first
 LEVERAGE = 1e-10  # least of 1 - leverage of a part left out: below it the error left out is a quotient of roundings
+EARLIER = 0.7  # of the steps, to which a map is fitted that the others judge
 EQUAL = 1e-9  # errors below this fraction of the largest value: the shortest past wins
 ROUNDING = 1e-13  # errors below this one: the stiffest ridge wins
 GROWING = 1e-4  # per step: growth that the eigenvalues of an exact parabola show by rounding alone
 
 
 class Trial(NamedTuple):
-    """One choice of memory and ridge, and its error on parts of the series left out."""
+    """One choice of memory and ridge, and its error on the end of the series."""
 
     memory: int
     ridge: float
-    error: float  # RMS of the step's error, the norm over modes, unit of the values
-    scatter: float  # standard error of it, from one part left out to the next
+    error: float  # RMS of the last steps' errors, the norm over modes, unit of the values
+    scatter: float  # standard error of it, from one step to the next
 
 
 class Dmd(StateMap):
@@ -34,9 +35,10 @@ class Dmd(StateMap):
 
     min Σ_i |c_{i+1} - c_i - B z_i|² + ρ s₁² |B|², s₁ the largest singular value of the points z, a 1 for the drift
     among them: well posed with more modes than snapshots, and at ρ = ∞ persistence. ρ is that with the least error on
-    five parts of the series, each left out in turn; the past is the shortest, of at most `memory` states, that comes
-    within one standard error of the best. Leaving out one snapshot would not do: it stands between two that nearly
-    equal it, and of a shaken bed the map so chosen was worse than persistence.
+    the last three tenths of the series, by the fit to what comes before; the past is the shortest, of at most `memory`
+    states, that comes within one standard error of the best. Leaving out one snapshot would not do: it stands between
+    two that nearly equal it, and of a shaken bed the map so chosen was worse than persistence. Nor would leaving out
+    parts of the series in turn: a flow that is still settling leaves the states that it has been in.
 
     With `stable`, eigenvalues of the map outside the unit circle are drawn back onto it, phase kept; `growing_` of them
     were, the largest had the modulus `radius_`. A growing signal then stays near the amplitude it has reached; pass
@@ -146,21 +148,20 @@ def _kept(singular: Array, ridge: float) -> Array:
 
 
 def _error_left_out(root: Array, steps: Array) -> tuple[float, float]:
-    """RMS error of the steps in each part by the fit to the others, and its scatter.
+    """RMS error of the last steps by the fit to those before, and its standard error.
 
-    e_B = (1 - H_BB)⁻¹ (y - H y)_B with H = R Rᵀ. Infinite where the others do not determine the fit.
+    e_B = (1 - H_BB)⁻¹ (y - H y)_B with H = R Rᵀ and B the last three tenths. Infinite where the others do not determine
+    the fit.
     """
-    rest, squares = steps - root @ (root.T @ steps), []
-    for part in parts(len(steps)):
-        half = root[part]
-        wide = half.shape[0] <= half.shape[1]
-        small = half @ half.T if wide else half.T @ half
-        if np.linalg.eigvalsh(small)[-1] > 1 - LEVERAGE:
-            return np.inf, np.inf
-        solved = np.linalg.solve(np.eye(len(small)) - small, rest[part] if wide else half.T @ rest[part])
-        errors = solved if wide else rest[part] + half @ solved
-        squares.append(float((errors**2).sum(axis=1).mean()))
-    error = float(np.sqrt(np.mean(squares)))
+    part = slice(int(EARLIER * len(steps)), len(steps))
+    rest, half = (steps - root @ (root.T @ steps))[part], root[part]
+    wide = half.shape[0] <= half.shape[1]
+    small = half @ half.T if wide else half.T @ half
+    if np.linalg.eigvalsh(small)[-1] > 1 - LEVERAGE:
+        return np.inf, np.inf
+    solved = np.linalg.solve(np.eye(len(small)) - small, rest if wide else half.T @ rest)
+    squares = np.square(solved if wide else rest + half @ solved).sum(axis=1)
+    error = float(np.sqrt(squares.mean()))
     # of the mean of the squares, carried over to its root
-    scatter = float(np.std(squares)) / np.sqrt(len(squares))
+    scatter = float(squares.std()) / np.sqrt(len(squares))
     return error, scatter / (2 * error) if error > 0 else 0.0
