@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from pod import Basis, RowSource, SnapshotMatrix, lanczos_pod
 from suffice.making import made
+from suffice.variables import BLOCK_VALUES
 from surrogates import InputError, Surrogate
 
 Array = NDArray[np.float64]
-BLOCK_VALUES = 4 * 2**20  # numbers per block of rows
 
 
 class Future(NamedTuple):

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from pod import Basis, RowSource, SnapshotMatrix, lanczos_pod
 from selection.consistency import Projection, consistency
 from selection.feasibility import consistent_mode
+from suffice.variables import BLOCK_VALUES
 from surrogates import SURROGATES, Network, Surrogate, measure_cost
 
 Array = NDArray[np.float64]
-BLOCK_VALUES = 4 * 2**20  # numbers per block of rows; a few such blocks are held at once
 BATCH = 16  # snapshots reconstructed together when the cost of many is measured
 REPEATS = 5
 

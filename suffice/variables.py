@@ -11,7 +11,7 @@ from suffice.run import Run
 from surrogates import SURROGATES
 
 HELD_BYTES = 2**30  # a variable up to this size is read once and kept; a larger one is streamed at every pass
-BLOCK_VALUES = 4 * 2**20  # numbers per block of rows
+BLOCK_VALUES = 4 * 2**20  # numbers per block of rows; a few such blocks are held at once
 QUANTITIES_COMPARED = ("position.", "velocity.")
 
 
