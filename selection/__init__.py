@@ -1,22 +1,24 @@
 """Which snapshot interval Δτ is dense enough, decided before any surrogate is trained.
 
 Reading order: `intervals` (which snapshots a candidate keeps), `gram` (the snapshots as inner products), `consistency`
-(projection errors and their ratio R_c), `feasibility` (n_lr, n_c, K_f and the verdict), `resolution` (R_a), `sweep`
-(all of it for every Δτ in one pass).
+(projection errors and their ratio R_c), `feasibility` (n_lr, n_c, K_f and the verdict), `resolution` (R_a), `candidate`
+(all of it for one Δτ), `sweep` (for every Δτ in one pass).
 """
 
+from selection.candidate import Candidate
 from selection.consistency import Consistency, Projection, consistency, project_from_factor, project_from_gram
 from selection.errors import InputError
 from selection.feasibility import Thresholds, consistent_mode, feasibility_index, least_reconstructable_mode
-from selection.gram import ArraySnapshots, Snapshots
+from selection.gram import ArraySnapshots, InnerProducts, Snapshots, inner_products, square_root
 from selection.intervals import default_intervals, dense_interval
 from selection.resolution import resolution_ratio
-from selection.sweep import Candidate, Sweep, sweep
+from selection.sweep import Sweep, judge, sweep
 
 __all__ = [
     "ArraySnapshots",
     "Candidate",
     "Consistency",
+    "InnerProducts",
     "InputError",
     "Projection",
     "Snapshots",
@@ -27,9 +29,12 @@ __all__ = [
     "default_intervals",
     "dense_interval",
     "feasibility_index",
+    "inner_products",
+    "judge",
     "least_reconstructable_mode",
     "project_from_factor",
     "project_from_gram",
     "resolution_ratio",
+    "square_root",
     "sweep",
 ]

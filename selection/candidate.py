@@ -1,0 +1,119 @@
+"""One snapshot interval Δτ and all that inner products tell about it."""
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selection.consistency import Consistency, Projection, consistency, project_from_factor, project_from_gram
+from selection.feasibility import (
+    Evidence,
+    Thresholds,
+    consistent_mode,
+    feasibility_index,
+    least_reconstructable_mode,
+    verdict,
+)
+from selection.gram import InnerProducts
+from selection.intervals import Subset
+from selection.resampling import half_width_of_feasibility
+from selection.resolution import resolution_ratio
+
+Array = NDArray[np.float64]
+ACCURACY = 1e-6  # error of R_c above which inner products are not good enough
+DECIDED = 2.0  # times its limit: beyond it R_c runs to infinity at full rank, and its digits decide nothing
+MARGIN = 5.0  # times the predicted error of R_c: the most that was met beside direct projections is 3
+
+
+class Candidate(NamedTuple):
+    """One snapshot interval Δτ and all that is known about it."""
+
+    interval: float  # s
+    n_snapshots: int
+    n_lr: int  # least reconstructable mode, exact total energy
+    n_lr_paper: int  # the same with the paper's denominator, the leading 80 % of the eigenvalues
+    n_c: int  # consistent mode
+    K_f: float | None  # n_c / n_lr; None where it is undefined
+    K_f_interval: tuple[float, float] | None  # from leaving out groups of particles
+    n_c_gap: int | None  # consistent mode by the gaps alone; None where there are none
+    K_f_gap: float | None
+    R_a: float | None  # resolution ratio at n = n_c
+    sufficient: bool  # the paper's rule alone
+    verdict: str  # sufficient, insufficient or undecidable: ours
+    reasons: list[str]
+    eigenvalues: Array  # (p,) of A, descending, unit of W squared, summed over rows
+    curves: Consistency  # against n = 0, 1, …
+
+    def as_dict(self) -> dict[str, Any]:
+        """Numbers and verdict in plain Python types; the curves are left to `curves_as_dict`."""
+        numbers = self._asdict()
+        del numbers["eigenvalues"], numbers["curves"]
+        numbers["K_f_interval"] = None if self.K_f_interval is None else list(self.K_f_interval)
+        return numbers
+
+    def curves_as_dict(self) -> dict[str, list[float | None]]:
+        """Curves against n = 0, 1, … in plain Python types, for plots; `energy_ratio` is I(n), None is not a number."""
+        total = self.eigenvalues.sum()
+        ratio = np.append(0.0, np.cumsum(self.eigenvalues) / total) if total > 0 else np.zeros(0)
+        curves = {**self.curves._asdict(), "eigenvalues": self.eigenvalues, "energy_ratio": ratio}
+        return {name: [float(x) if math.isfinite(x) else None for x in values] for name, values in curves.items()}
+
+
+def judged(
+    subset: Subset, products: InnerProducts, factor: Callable[[], Array] | None, limits: Thresholds, *, scarce: bool
+) -> Candidate:
+    """All there is to say about one Δτ; factor and scarce as in `sweep.judge`."""
+    projection, curves = _project(subset, products, factor, DECIDED * limits.consistency)
+    m = len(subset.training)
+    n_lr = least_reconstructable_mode(projection.eigenvalues, limits.energy)
+    n_lr_paper = least_reconstructable_mode(projection.eigenvalues, limits.energy, math.ceil(0.8 * m))
+    crossing = consistent_mode(curves.R_c, limits.consistency)
+    unseen = len(subset.testing) - m
+    # without unseen snapshots R_c is 1 by construction and its crossing, hence K_f, is void
+    K_f = feasibility_index(crossing.n_c, n_lr) if unseen else None
+    n_c_gap = consistent_mode(curves.R_gap, limits.consistency).n_c if unseen else None
+    spread = half_width_of_feasibility(products, subset, limits) if crossing.exceeded else None
+    K_f_interval = None if spread is None or K_f is None else (max(K_f - spread, 0.0), K_f + spread)
+    R_a = resolution_ratio(projection, crossing.n_c)
+    evidence = Evidence(
+        m, unseen, n_lr, crossing, K_f, K_f_interval, R_a, not scarce, _blurred(curves, limits.consistency)
+    )
+    return Candidate(
+        subset.interval,
+        m,
+        n_lr,
+        n_lr_paper,
+        crossing.n_c,
+        K_f,
+        K_f_interval,
+        n_c_gap,
+        None if n_c_gap is None else feasibility_index(n_c_gap, n_lr),
+        R_a,
+        K_f is not None and limits.feasibility <= K_f,
+        *verdict(evidence, limits),
+        projection.eigenvalues,
+        curves,
+    )
+
+
+def _project(
+    subset: Subset, products: InnerProducts, factor: Callable[[], Array] | None, decided: float
+) -> tuple[Projection, Consistency]:
+    """Projection and errors from inner products, or from the square root where those are not good enough."""
+    last = len(subset.testing)
+    motion = math.sqrt(np.trace(products.gram) / (len(products.gram) * products.rows))
+    projection = project_from_gram(products.gram[:last, :last], subset.training)
+    curves = consistency(projection, products.rows, motion, exact=False)
+    if factor is not None and ((curves.predicted_error > ACCURACY) & (curves.R_c <= decided)).any():
+        projection = project_from_factor(factor()[:, :last], subset.training)
+        curves = consistency(projection, products.rows, motion, exact=True)
+    return projection, curves
+
+
+def _blurred(curves: Consistency, limit: float) -> bool:
+    """Tell whether the rounding in R_c may move n_c."""
+    error = MARGIN * curves.predicted_error * curves.R_c
+    least, most = (consistent_mode(curves.R_c + sign * error, limit).n_c for sign in (-1.0, 1.0))
+    return least != most
