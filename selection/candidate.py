@@ -7,7 +7,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from selection.consistency import Consistency, Projection, consistency, project_from_factor, project_from_gram
+from selection.consistency import (
+    Consistency,
+    Projection,
+    consistency,
+    modes_known,
+    project_from_factor,
+    project_from_gram,
+)
 from selection.feasibility import (
     Evidence,
     Thresholds,
@@ -65,7 +72,7 @@ def judged(
     subset: Subset, products: InnerProducts, factor: Callable[[], Array] | None, limits: Thresholds, *, scarce: bool
 ) -> Candidate:
     """All there is to say about one Δτ; factor and scarce as in `sweep.judge`."""
-    projection, curves = _project(subset, products, factor, DECIDED * limits.consistency)
+    projection, curves, blurred = _project(subset, products, factor, limits.consistency)
     m = len(subset.training)
     n_lr = least_reconstructable_mode(projection.eigenvalues, limits.energy)
     n_lr_paper = least_reconstructable_mode(projection.eigenvalues, limits.energy, math.ceil(0.8 * m))
@@ -77,9 +84,7 @@ def judged(
     spread = half_width_of_feasibility(products, subset, limits) if crossing.exceeded else None
     K_f_interval = None if spread is None or K_f is None else (max(K_f - spread, 0.0), K_f + spread)
     R_a = resolution_ratio(projection, crossing.n_c)
-    evidence = Evidence(
-        m, unseen, n_lr, crossing, K_f, K_f_interval, R_a, not scarce, _blurred(curves, limits.consistency)
-    )
+    evidence = Evidence(m, unseen, n_lr, crossing, K_f, K_f_interval, R_a, not scarce, blurred)
     return Candidate(
         subset.interval,
         m,
@@ -98,22 +103,30 @@ def judged(
     )
 
 
-def _project(
-    subset: Subset, products: InnerProducts, factor: Callable[[], Array] | None, decided: float
-) -> tuple[Projection, Consistency]:
-    """Projection and errors from inner products, or from the square root where those are not good enough."""
+class _Found(NamedTuple):
+    """Projection of one Δτ, its errors, and whether rounding in R_c may move n_c."""
+
+    projection: Projection
+    curves: Consistency
+    blurred: bool
+
+
+def _project(subset: Subset, products: InnerProducts, factor: Callable[[], Array] | None, limit: float) -> _Found:
+    """Project by inner products, or by the square root where those are not good enough up to twice the limit of R_c."""
     last = len(subset.testing)
     motion = math.sqrt(np.trace(products.gram) / (len(products.gram) * products.rows))
     projection = project_from_gram(products.gram[:last, :last], subset.training)
     curves = consistency(projection, products.rows, motion, exact=False)
-    if factor is not None and ((curves.predicted_error > ACCURACY) & (curves.R_c <= decided)).any():
-        projection = project_from_factor(factor()[:, :last], subset.training)
-        curves = consistency(projection, products.rows, motion, exact=True)
-    return projection, curves
+    if not ((curves.predicted_error > ACCURACY) & (curves.R_c <= DECIDED * limit)).any():
+        return _Found(projection, curves, False)
+    if factor is None:
+        return _Found(projection, curves, _blurred(projection, curves, limit))
+    projection = project_from_factor(factor()[:, :last], subset.training)
+    return _Found(projection, consistency(projection, products.rows, motion, exact=True), False)
 
 
-def _blurred(curves: Consistency, limit: float) -> bool:
-    """Tell whether the rounding in R_c may move n_c."""
+def _blurred(projection: Projection, curves: Consistency, limit: float) -> bool:
+    """Tell whether the rounding in R_c, or a mode whose direction is not known, may move n_c."""
     error = MARGIN * curves.predicted_error * curves.R_c
     least, most = (consistent_mode(curves.R_c + sign * error, limit).n_c for sign in (-1.0, 1.0))
-    return least != most
+    return least != most or most + 1 > modes_known(projection)

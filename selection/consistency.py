@@ -73,6 +73,11 @@ def project_from_factor(factor: Array, training: NDArray[np.intp]) -> Projection
     return Projection(sigma**2 / len(training), coefficients, outside, training)
 
 
+def modes_known(projection: Projection) -> int:
+    """How many leading modes inner products know by direction; those after them may be turned anyhow by rounding."""
+    return int((projection.eigenvalues >= WEAK * EPSILON * projection.eigenvalues[:1].sum()).sum())
+
+
 def squared_errors(projection: Projection) -> Array:
     """Squared norm of what the first n modes leave of each snapshot, (testing, p + 1) for n = 0 … p.
 

@@ -35,6 +35,7 @@ def test_without_a_second_pass_inner_products_admit_that_rounding_hides_the_cros
     products = inner_products(snapshots, None)
     (poor,) = judge(products, t * 1e-3, [0.002]).candidates
     (exact,) = sweep(W, t * 1e-3, [0.002], groups=None).candidates
+    assert (exact.n_c, exact.verdict) == (20, "sufficient")  # as singular values of W itself say
     assert poor.verdict == "undecidable"
     assert "inner products know R_c too poorly to tell n_c; rounding hides E_train there" in poor.reasons
     assert not any("too poorly" in reason for reason in exact.reasons)
