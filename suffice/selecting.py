@@ -1,12 +1,18 @@
 """Which snapshot interval suffices, for every variable of a run."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from math import floor, inf, isfinite
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pod import ALONE, Ranks, SnapshotMatrix
 from selection import InputError as UnfitIntervals
-from selection import Sweep, Thresholds, dense_interval, sweep
+from selection import Sweep, Thresholds, dense_interval, judge, square_root
+from selection.intervals import candidates
+from suffice.products import read_products
 from suffice.progress import Advance
 from suffice.refusal import Refusal
 from suffice.run import Run
@@ -67,27 +73,33 @@ def select_run(
     progress: Advance | None = None,
     ranks: Ranks = ALONE,
 ) -> dict[str, Sweep]:
-    """Judge every Δτ for every variable, in one pass over the rows of each (paper 2.3).
+    """Judge every Δτ for every variable, in one pass over the rows of each stored quantity (paper 2.3).
 
-    variables: names of the run, default all but spins. intervals: Δτ in s, default ten to two dense intervals. Of
-    several ranks each reads its own rows.
+    variables: names of the run, components or whole vectors, default the components of all but spins. intervals: Δτ in
+    s, default ten to two dense intervals. Of several ranks each reads its own rows.
     Raises Refusal for unknown variables and for times or intervals that cannot be used.
     """
     names = list(dict.fromkeys(variables)) if variables else default_variables(run)
-    sources = [run.variable(name) for name in names]
-    table = {}
-    for done, (name, rows) in enumerate(zip(names, sources, strict=True)):
+    limits = {name: thresholds_of(name, thresholds) for name in names}
+    found: dict[str, Sweep] = {}
+    try:
+        candidates(run.times, intervals)  # what is wrong with them is said before the rows are read
+        for name in names:
+            run.variable(name)
         if progress:
-            progress(done, len(names))
-        try:
-            table[name] = sweep(
-                SnapshotMatrix(rows, ranks=ranks), run.times, intervals, thresholds_of(name, thresholds)
-            )
-        except UnfitIntervals as error:
-            raise Refusal(f"{run.path}: {error}") from None
-    if progress:
-        progress(len(names), len(names))
-    return table
+            progress(0, len(names))
+        for name, products, scarce in read_products(run, names, ranks):
+            factor = partial(_square_root, run, name, products.gram, ranks)
+            found[name] = judge(products, run.times, intervals, limits[name], factor, scarce=scarce)
+            if progress:
+                progress(len(found), len(names))
+    except UnfitIntervals as error:
+        raise Refusal(f"{run.path}: {error}") from None
+    return {name: found[name] for name in names}
+
+
+def _square_root(run: Run, name: str, gram: NDArray[np.float64], ranks: Ranks) -> NDArray[np.float64]:
+    return square_root(SnapshotMatrix(run.variable(name), ranks=ranks), gram)
 
 
 def select_json(run: Run, table: dict[str, Sweep]) -> dict[str, Any]:
