@@ -14,6 +14,7 @@ from selection.consistency import (
     modes_known,
     project_from_factor,
     project_from_gram,
+    unseen_error,
 )
 from selection.feasibility import (
     Evidence,
@@ -50,6 +51,9 @@ class Candidate(NamedTuple):
     sufficient: bool  # the paper's rule alone
     verdict: str  # sufficient, insufficient or undecidable: ours
     reasons: list[str]
+    error_n_lr: float | None  # RMSE of n_lr modes at unseen times, unit of W; None where there are none
+    error_n_c: float | None  # the same of n_c modes
+    K_f_groups: int | None  # groups of particles behind K_f_interval
     eigenvalues: Array  # (p,) of A, descending, unit of W squared, summed over rows
     curves: Consistency  # against n = 0, 1, …
 
@@ -98,6 +102,9 @@ def judged(
         R_a,
         K_f is not None and limits.feasibility <= K_f,
         *verdict(evidence, limits),
+        unseen_error(projection, products.rows, n_lr),
+        unseen_error(projection, products.rows, crossing.n_c),
+        None if K_f_interval is None or products.groups is None else len(products.groups),
         projection.eigenvalues,
         curves,
     )

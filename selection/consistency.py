@@ -90,6 +90,16 @@ def squared_errors(projection: Projection) -> Array:
     return tail
 
 
+def unseen_error(projection: Projection, rows: int, n: int) -> float | None:
+    """RMSE over rows that n modes leave at testing times that are not training times, averaged over these.
+
+    For any n, also where E_train is at round-off. None where there is no such time.
+    """
+    square = projection.outside + np.square(projection.coefficients[:, n:]).sum(axis=1)
+    unseen = np.delete(square, projection.training)
+    return float(np.sqrt(unseen / rows).mean()) if unseen.size else None
+
+
 def consistency(projection: Projection, rows: int, motion: float, exact: bool) -> Consistency:
     """Consistency ratio R_c(n) = mean E_test / mean E_train (paper eqs. (33)-(35)), and the same over the gaps alone.
 

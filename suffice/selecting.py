@@ -16,6 +16,7 @@ from suffice.products import read_products
 from suffice.progress import Advance
 from suffice.refusal import Refusal
 from suffice.run import Run
+from suffice.variables import mean_diameter
 
 FLUID_ENERGY = 0.99
 
@@ -107,8 +108,18 @@ def select_json(run: Run, table: dict[str, Sweep]) -> dict[str, Any]:
     return {
         "run": str(run.path),
         "dense_interval": dense_interval(run.times),
-        "variables": {name: found.as_dict() for name, found in table.items()},
+        "variables": {name: _in_diameters(run, name, found.as_dict()) for name, found in table.items()},
     }
+
+
+def _in_diameters(run: Run, name: str, found: dict[str, Any]) -> dict[str, Any]:
+    """Add to each candidate its errors in bead diameters, None for other units than m or unknown radii."""
+    diameter = mean_diameter(run) if run.variable(name).unit == "m" else None
+    for candidate in found["candidates"]:
+        for error in ("error_n_lr", "error_n_c"):
+            known = diameter is not None and candidate[error] is not None
+            candidate[f"{error}_diameters"] = candidate[error] / diameter if known else None
+    return found | {"unit": run.variable(name).unit}
 
 
 def select_curves(table: dict[str, Sweep]) -> dict[str, dict[str, dict[str, list[float | None]]]]:
