@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pod.blas import Array, add_symmetric_product
 
 __all__ = ["Array", "Parts", "Products", "centred_pairs", "compute_device", "gram_parts"]
+MIRRORED = 128  # rows and columns of a block that is copied at once
 HELD_ROWS = 256  # of each sum: a product of fewer spends its time on reading and writing the sum
 
 
@@ -53,8 +54,17 @@ class Products:
         if self._device.type != "cpu":
             self._half[:] = self._whole.cpu().numpy()
         else:
-            self._half += np.triu(self._half, 1).T
+            fill_lower_half_(self._half)
         return self._half
+
+
+def fill_lower_half_(total: Array) -> None:
+    """Copy the upper triangle of a matrix to the lower one, by blocks that stay in the cache."""
+    for low in range(0, len(total), MIRRORED):
+        high = low + MIRRORED
+        total[high:, low:high] = total[low:high, high:].T
+        square = total[low:high, low:high]
+        square[:] = np.triu(square) + np.triu(square, 1).T
 
 
 class _Gathered:

@@ -13,7 +13,6 @@ from selection.consistency import (
     consistency,
     modes_known,
     project_from_factor,
-    project_from_gram,
     unseen_error,
 )
 from selection.feasibility import (
@@ -24,10 +23,10 @@ from selection.feasibility import (
     least_reconstructable_mode,
     verdict,
 )
-from selection.gram import InnerProducts
 from selection.intervals import Subset
 from selection.resampling import half_width_of_feasibility
 from selection.resolution import resolution_ratio
+from selection.routes import Routes, project
 
 Array = NDArray[np.float64]
 ACCURACY = 1e-6  # error of R_c above which inner products are not good enough
@@ -73,10 +72,10 @@ class Candidate(NamedTuple):
 
 
 def judged(
-    subset: Subset, products: InnerProducts, factor: Callable[[], Array] | None, limits: Thresholds, *, scarce: bool
+    subset: Subset, known: Routes, factor: Callable[[], Array] | None, limits: Thresholds, *, scarce: bool
 ) -> Candidate:
     """All there is to say about one Δτ; factor and scarce as in `sweep.judge`."""
-    projection, curves, blurred = _project(subset, products, factor, limits.consistency)
+    projection, curves, blurred = _project(subset, known, factor, limits.consistency)
     m = len(subset.training)
     n_lr = least_reconstructable_mode(projection.eigenvalues, limits.energy)
     n_lr_paper = least_reconstructable_mode(projection.eigenvalues, limits.energy, math.ceil(0.8 * m))
@@ -85,7 +84,7 @@ def judged(
     # without unseen snapshots R_c is 1 by construction and its crossing, hence K_f, is void
     K_f = feasibility_index(crossing.n_c, n_lr) if unseen else None
     n_c_gap = consistent_mode(curves.R_gap, limits.consistency).n_c if unseen else None
-    spread = half_width_of_feasibility(products, subset, limits) if crossing.exceeded else None
+    spread = half_width_of_feasibility(known, subset, limits, crossing.n_c) if crossing.exceeded else None
     K_f_interval = None if spread is None or K_f is None else (max(K_f - spread, 0.0), K_f + spread)
     R_a = resolution_ratio(projection, crossing.n_c)
     evidence = Evidence(m, unseen, n_lr, crossing, K_f, K_f_interval, R_a, not scarce, blurred)
@@ -102,9 +101,9 @@ def judged(
         R_a,
         K_f is not None and limits.feasibility <= K_f,
         *verdict(evidence, limits),
-        unseen_error(projection, products.rows, n_lr),
-        unseen_error(projection, products.rows, crossing.n_c),
-        None if K_f_interval is None or products.groups is None else len(products.groups),
+        unseen_error(projection, known.products.rows, n_lr),
+        unseen_error(projection, known.products.rows, crossing.n_c),
+        None if K_f_interval is None or known.products.groups is None else len(known.products.groups),
         projection.eigenvalues,
         curves,
     )
@@ -118,18 +117,18 @@ class _Found(NamedTuple):
     blurred: bool
 
 
-def _project(subset: Subset, products: InnerProducts, factor: Callable[[], Array] | None, limit: float) -> _Found:
+def _project(subset: Subset, known: Routes, factor: Callable[[], Array] | None, limit: float) -> _Found:
     """Project by inner products, or by the square root where those are not good enough up to twice the limit of R_c."""
-    last = len(subset.testing)
-    motion = math.sqrt(np.trace(products.gram) / (len(products.gram) * products.rows))
-    projection = project_from_gram(products.gram[:last, :last], subset.training)
-    curves = consistency(projection, products.rows, motion, exact=False)
+    gram, rows = known.products.gram, known.products.rows
+    motion = math.sqrt(np.trace(gram) / (len(gram) * rows))
+    projection = project(known, subset)
+    curves = consistency(projection, rows, motion, exact=False)
     if not ((curves.predicted_error > ACCURACY) & (curves.R_c <= DECIDED * limit)).any():
         return _Found(projection, curves, False)
     if factor is None:
         return _Found(projection, curves, _blurred(projection, curves, limit))
-    projection = project_from_factor(factor()[:, :last], subset.training)
-    return _Found(projection, consistency(projection, products.rows, motion, exact=True), False)
+    projection = project_from_factor(factor()[:, : len(subset.testing)], subset.training)
+    return _Found(projection, consistency(projection, rows, motion, exact=True), False)
 
 
 def _blurred(projection: Projection, curves: Consistency, limit: float) -> bool:

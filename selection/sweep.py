@@ -12,6 +12,7 @@ from selection.errors import InputError
 from selection.feasibility import Thresholds
 from selection.gram import InnerProducts, as_snapshots, inner_products, square_root
 from selection.intervals import candidates, dense_interval
+from selection.routes import routes
 
 Array = NDArray[np.float64]
 
@@ -85,7 +86,8 @@ def judge(
     subsets = candidates(times, intervals)
     _check(products, np.size(np.asarray(times)))
     asked = None if factor is None else cache(factor)
-    table = [judged(subset, products, asked, limits, scarce=scarce) for subset in subsets]
+    known = routes(products)
+    table = [judged(subset, known, asked, limits, scarce=scarce) for subset in subsets]
     chosen = next((c.interval for c in table if c.sufficient), None)
     return Sweep(dense_interval(times), chosen, limits, table)
 
