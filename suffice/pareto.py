@@ -9,6 +9,7 @@ from suffice.wording import escape
 
 BELOW = 3.0  # how many times below the least positive value nothing at all is drawn, which has no logarithm
 GAP = 0.12  # of the width or height, between two diagrams
+SIZE, SMALL, PALE = 10, 7, 0.35  # pixels of marks on the front and off it, and how faint the latter are
 TALL = 760  # pixels of a narrow page for each two diagrams, one above the other
 
 
@@ -34,15 +35,19 @@ def pareto_figure(points: Sequence[Point], error: Quantity, costs: Sequence[Quan
     """Diagrams of error against each cost, side by side with one legend; on a narrow page one above the other.
 
     Both axes are logarithmic; a value of zero stands at the lower edge, marked 0. The line joins the choices that none
-    beats in error and that cost. Texts are escaped; `narrow` of the result is what the layout becomes below 600 pixels.
+    beats in error and that cost; all others are pale. Texts are escaped; `narrow` of the result is what the layout
+    becomes below 600 pixels.
     """
     errors = _Scale.of([point.error for point in points])
     scales = [_Scale.of([point.costs[k] for point in points]) for k in range(len(costs))]
-    data = [_front(points, errors, scale, k) for k, scale in enumerate(scales)]
+    fronts = [_best(points, k) for k in range(len(costs))]
+    data = [_line(best, errors, scale, k) for k, (best, scale) in enumerate(zip(fronts, scales, strict=True))]
     for i, group in enumerate(dict.fromkeys(point.group for point in points)):
         own = [point for point in points if point.group == group]
         colour = COLOURS[i % len(COLOURS)]
-        data += [_marks(own, errors, scale, k, colour) for k, scale in enumerate(scales)]
+        data.append(_entry(group, colour))
+        for k, (best, scale) in enumerate(zip(fronts, scales, strict=True)):
+            data.append(_marks(own, [point in best for point in own], (errors, scale), k, colour))
     layout: Figure = {"hovermode": "closest", "legend": {"y": 1}}
     narrow: Figure = {"height": TALL if len(costs) > 1 else 470}
     for k, (cost, scale) in enumerate(zip(costs, scales, strict=True)):
@@ -86,17 +91,22 @@ def _pairs(found: Figure) -> list[tuple[float, str]]:
     return list(zip(found.get("tickvals", []), found.get("ticktext", []), strict=True))
 
 
-def _front(points: Sequence[Point], errors: _Scale, scale: _Scale, k: int) -> Figure:
-    """Join the choices that none beats in error and the cost k."""
+def _best(points: Sequence[Point], k: int) -> list[Point]:
+    """Return the choices that none beats in error and the cost k, from cheap to dear."""
     marked = pareto_front([point.error for point in points], [point.costs[k] for point in points])
-    best = sorted((point for point, on in zip(points, marked, strict=True) if on), key=lambda point: point.costs[k])
+    best = [point for point, on in zip(points, marked, strict=True) if on]
+    return sorted(best, key=lambda point: point.costs[k])
+
+
+def _line(best: Sequence[Point], errors: _Scale, scale: _Scale, k: int) -> Figure:
+    """Join the choices that none beats."""
     return {
         "type": "scatter",
         "mode": "lines",
         "name": "front",
         "legendgroup": "front",
         "showlegend": not k,
-        "line": {"color": QUIET, "width": 1.5, "shape": "hv"},
+        "line": {"color": QUIET, "width": 2, "shape": "hv"},
         "hoverinfo": "skip",
         "x": [scale.at(point.costs[k]) for point in best],
         "y": [errors.at(point.error) for point in best],
@@ -104,20 +114,21 @@ def _front(points: Sequence[Point], errors: _Scale, scale: _Scale, k: int) -> Fi
     }
 
 
-def _marks(points: Sequence[Point], errors: _Scale, scale: _Scale, k: int, colour: str) -> Figure:
-    """Draw one group against the cost k."""
-    name = escape(points[0].group)
+def _marks(points: Sequence[Point], best: Sequence[bool], at: tuple[_Scale, _Scale], k: int, colour: str) -> Figure:
+    """Draw one group against the cost k, pale what is not among the best. at: scales of the errors and of the cost."""
+    name, (errors, scale) = escape(points[0].group), at
     return {
         "type": "scatter",
         "mode": "markers",
         "name": name,
         "legendgroup": name,
-        "showlegend": not k,
+        "showlegend": False,
         "x": [scale.at(point.costs[k]) for point in points],
         "y": [errors.at(point.error) for point in points],
         "marker": {
             "color": colour,
-            "size": 8,
+            "size": [SIZE if on else SMALL for on in best],
+            "opacity": [1.0 if on else PALE for on in best],
             "symbol": [point.symbol for point in points],
             "line": {"width": 1.5, "color": colour},
         },
@@ -125,6 +136,14 @@ def _marks(points: Sequence[Point], errors: _Scale, scale: _Scale, k: int, colou
         "hovertemplate": "%{text}<extra></extra>",
         **_axes(k),
     }
+
+
+def _entry(group: str, colour: str) -> Figure:
+    """Draw no mark at all, but the entry of a group in the legend, which is pale as its first mark may be otherwise."""
+    name = escape(group)
+    marker = {"color": colour, "size": SIZE, "symbol": "circle"}
+    shared = {"type": "scatter", "mode": "markers", "name": name, "legendgroup": name, "x": [None], "y": [None]}
+    return {**shared, "marker": marker, "hoverinfo": "skip", **_axes(0)}
 
 
 def _axes(k: int) -> Figure:

@@ -17,7 +17,7 @@ POINTS = [
 
 
 def traces(figure, axis="x"):
-    return {trace["name"]: trace for trace in figure["data"] if trace["xaxis"] == axis}
+    return {t["name"]: t for t in figure["data"] if t["xaxis"] == axis and t["x"] != [None]}
 
 
 def test_the_line_joins_what_no_other_choice_beats_from_cheap_to_dear():
@@ -33,9 +33,16 @@ def test_every_choice_is_a_mark_of_its_group_and_says_what_it_is():
     assert marks["one"]["text"] == ["<b>a</b>", "<b>b</b><br>first<br>second"]
 
 
+def test_what_stands_on_a_line_is_not_pale_in_that_diagram():
+    figure = pareto_figure(POINTS, ERROR, [COST, BYTES])
+    pale = {axis: traces(figure, axis)["one"]["marker"]["opacity"] for axis in ("x", "x2")}
+    assert pale["x"] == [1.0, 1.0]
+    assert pale["x2"][0] == 1.0 > pale["x2"][1]
+
+
 def test_each_group_stands_once_in_the_legend_and_both_diagrams_share_the_errors():
     figure = pareto_figure(POINTS, ERROR, [COST, BYTES])
-    shown = [trace["name"] for trace in figure["data"] if trace["showlegend"]]
+    shown = [trace["name"] for trace in figure["data"] if trace.get("showlegend", True)]
     assert shown == ["front", "one", "two"]
     assert figure["layout"]["yaxis2"]["matches"] == "y"
 
