@@ -163,7 +163,7 @@ def _at_levels(
         for n in sorted(counts)
     ]
     unseen = SnapshotMatrix(case.values).columns(case.unseen)
-    lost = roundings(reduced.basis, unseen, reduced.coefficients[case.unseen], names)
+    lost = roundings(reduced.basis, unseen, reduced.coefficients[case.unseen], reduced.outside, names)
     return Prepared(basis, reduced, levels, {name: lost.get(name) for name in names})
 
 
@@ -207,6 +207,7 @@ def _figures(one: Reconstruction, floor: Array, case: Case, place: Place) -> dic
         "surrogate": one.surrogate,
         "modes": one.modes,
         "precision": one.precision,
+        "finer_modes": one.finer_modes,
         "rmse": rmse,
         "rmse_diameters": rmse / place.diameter if place.diameter is not None and place.unit == "m" else None,
         "worst_rmse": float(one.errors[worst]),

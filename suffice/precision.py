@@ -19,6 +19,7 @@ class Precision(NamedTuple):
     text: str
     steps: int = 0  # of an integer, either way from zero
     packed: bool = False  # shifted and scaled column by column, which takes two doubles for each
+    finer: str | None = None  # what a model keeps its mean, its coefficients and its leading modes in instead
 
 
 PRECISIONS = {
@@ -26,7 +27,7 @@ PRECISIONS = {
     "single": Precision(4, "single precision"),
     "half": Precision(2, "half precision", packed=True),
     "int16": Precision(2, "16-bit integers", 32767, packed=True),
-    "int8": Precision(1, "8-bit integers", 127, packed=True),
+    "int8": Precision(1, "8-bit integers", 127, packed=True, finer="int16"),
 }
 USUAL = ("int16", "int8")  # half errs more than int16 and takes as much
 OF_A_COLUMN = 16  # bytes of its shift and its scale
@@ -91,6 +92,17 @@ def bytes_kept(rows: int, columns: int, precision: str) -> int:
     """Bytes of a table (rows, columns)."""
     kept = PRECISIONS[precision]
     return rows * columns * kept.bytes + (columns * OF_A_COLUMN if kept.packed else 0)
+
+
+def finer(precision: str) -> str:
+    """Return the precision in which a model keeps what would suffer most: its mean, coefficients, and leading modes."""
+    return PRECISIONS[precision].finer or precision
+
+
+def model_bytes(rows: int, n: int, precision: str, leading: int) -> int:
+    """Bytes of the mean and of n modes (rows,), the leading ones of which are kept in a finer precision."""
+    fine = min(n, leading)
+    return bytes_kept(rows, 1 + fine, finer(precision)) + bytes_kept(rows, n - fine, precision)
 
 
 def narrowed(surrogate: Surrogate, precision: str) -> tuple[Surrogate, int]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pod import Basis, RowSource, SnapshotMatrix, lanczos_pod
 from selection.consistency import Projection, consistency
 from selection.feasibility import consistent_mode
-from suffice.precision import bytes_kept, narrowed
+from suffice.precision import finer, model_bytes, narrowed
 from suffice.rounding import Rounding, rounded_errors
 from surrogates import Network, Surrogate, measure_cost
 
@@ -57,6 +57,7 @@ class Reconstruction(NamedTuple):
     batch_seconds: float  # one full snapshot, when many are asked for at once
     storage_bytes: int  # everything that must be kept to answer
     remark: str = ""  # how the training of a network ended
+    finer_modes: int = 0  # leading modes that are kept in a finer precision, because rounding them would show
 
 
 def reduce(case: Case, energy: float) -> Reduced:
@@ -126,7 +127,8 @@ def modal(
     alone, among_many = reconstruct_seconds
     found = []
     for precision, rounding in kept.items():
-        asked, size = narrowed(surrogate, precision)
+        asked, size = narrowed(surrogate, finer(precision))
+        leading = 0 if rounding is None else min(rounding.leading, n)
         predicted = asked.predict(unseen)
         if rounding is None:
             squares = floor + np.square(predicted - known[:, :n]).sum(axis=1)
@@ -141,8 +143,9 @@ def modal(
                 cost.fit_seconds,
                 cost.single_seconds + alone,
                 cost.batch_seconds + among_many,
-                bytes_kept(rows, n, precision) + bytes_kept(rows, 1, precision) + size,
+                model_bytes(rows, n, precision, leading) + size,
                 training_remark(surrogate),
+                leading,
             )
         )
     return found

@@ -23,8 +23,9 @@ TEXT = (
     "A mark is one way to keep the snapshots between: a surrogate on some modes of positions (circle) or of positions "
     "and velocities (diamond), or the stored snapshots themselves (square), at one Δτ, in one precision: open where "
     "numbers are kept in fewer bits than those of the run. Lower left is better; no other choice beats those on the "
-    "line, all others are pale. The error is against the true snapshots, rounding included; seconds are counted once a "
-    "model is read."
+    "line, all others are pale. The error is against the true snapshots, rounding included; in 8-bit integers a model "
+    "keeps its mean, its coefficients and as many leading modes in 16 bits as rounding would show. Seconds are counted "
+    "once a model is read."
 )
 
 
@@ -83,8 +84,8 @@ def _modes(row: Row) -> str:
 
 
 def _kept(row: Row) -> str:
-    known = PRECISIONS.get(str(row.get("precision")))
-    return f" in {known.text}" if known else ""
+    known, fine = PRECISIONS.get(str(row.get("precision"))), row.get("finer_modes")
+    return (f" in {known.text}" if known else "") + (f", the first {fine} in 16 bits" if fine else "")
 
 
 def _hover(row: Row) -> str:
