@@ -1,14 +1,21 @@
-"""The cheapest way to keep a limit on error or on time, said in one sentence."""
+"""The cheapest way to keep a limit on error, on time or on storage, said in one sentence."""
 
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from selection.tradeoff import choose
+from selection.tradeoff import Choice, choose
+from suffice.precision import PRECISIONS
 from suffice.refusal import Refusal
 from suffice.wording import bytes_text, seconds_text
 
 DIAMETERS = "d"
+ALIKE = 1.01  # errors that differ by less are not worth a byte
 TIMING_NOISE = 1.5  # medians of five timings of some 20 µs scatter by this much on a busy machine
+CHOICES = (
+    ("fastest", "single_seconds", TIMING_NOISE),
+    ("smallest", "storage_bytes", 1.0),
+    ("most_accurate", "rmse", ALIKE),
+)
 
 
 class Limits(NamedTuple):
@@ -17,11 +24,12 @@ class Limits(NamedTuple):
     max_error: float | None  # RMSE over the rows, mean over the unseen times
     error_unit: str  # a unit of the run's variables, or "d", particle diameters
     max_seconds: float | None  # to reconstruct one snapshot
+    max_bytes: float | None = None  # to keep, for one variable
 
     @property
     def any(self) -> bool:
         """Whether there is a limit at all."""
-        return self.max_error is not None or self.max_seconds is not None
+        return any(limit is not None for limit in (self.max_error, self.max_seconds, self.max_bytes))
 
     def error_in(self, unit: str, diameter: float | None) -> float | None:
         """Return the largest error in this unit; None where there is no limit or it is one on another quantity."""
@@ -47,11 +55,25 @@ def parse_error(text: str) -> tuple[float, str]:
         ) from None
 
 
+def parse_bytes(text: str) -> float:
+    """Return bytes of a size such as `500kB`, `2MB`, `1.5 GB` or `200000`.
+
+    Raises Refusal where it is none.
+    """
+    number = text.strip().rstrip("kMGB ")
+    unit = text.strip()[len(number) :].strip().removesuffix("B")
+    try:
+        return float(number) * {"": 1.0, "k": 1e3, "M": 1e6, "G": 1e9}[unit]
+    except (ValueError, KeyError):
+        raise Refusal(f"--max-bytes {text!r}: not a size; give bytes, or such as 500kB or 2MB") from None
+
+
 def check_limits(limits: Limits, units: Collection[str], diameter: float | None) -> None:
     """Raise `Refusal` for a limit that is not positive, in a unit that no variable has, or in unknown diameters."""
     for name, value, unit in (
         ("max_error", limits.max_error, limits.error_unit),
         ("max_seconds", limits.max_seconds, "s"),
+        ("max_bytes", limits.max_bytes, "B"),
     ):
         if value is not None and not 0 < value < float("inf"):
             raise Refusal(f"{name} is {value:g} {unit}; it must be a positive number")
@@ -76,7 +98,8 @@ def cheapest(
 
     `fastest` and `smallest` are the least in seconds per snapshot and in bytes among the rows that keep the limits,
     `most_accurate` the least in error; all None where none does, and then `closest` is the row that comes nearest.
-    Seconds within a factor of 1.5 are equal, as far as a wall clock can tell; the smallest of these is the fastest.
+    Without a limit on the error the sentence names the most accurate within the others. Errors within 1 % are equal,
+    and so are seconds within a factor of 1.5, as far as a wall clock can tell: the smallest in bytes of these counts.
     """
     own = [row for row in rows if row["variable"] == variable]
     answer: dict[str, Any] = {"kept": False, "fastest": None, "smallest": None, "most_accurate": None, "closest": None}
@@ -84,46 +107,60 @@ def cheapest(
         return {**answer, "sentence": f"{variable}: nothing could be compared."}
     unit = own[0]["unit"]
     error = limits.error_in(unit, diameter)
-    bounds = {key: most for key, most in (("rmse", error), ("single_seconds", limits.max_seconds)) if most is not None}
+    all_bounds = {"rmse": error, "single_seconds": limits.max_seconds, "storage_bytes": limits.max_bytes}
+    bounds = {key: most for key, most in all_bounds.items() if most is not None}
     if not bounds:
         return {**answer, "sentence": f"{variable}: a limit in {limits.error_unit} does not apply to {unit}."}
-    bounded = [[row[key] for key in bounds] for row in own]
-    keys = {"fastest": "single_seconds", "smallest": "storage_bytes", "most_accurate": "rmse"}
-    chosen = {name: choose([row[key] for row in own], bounded, list(bounds.values())) for name, key in keys.items()}
+    chosen = _chosen(own, bounds)
     wanted = " and ".join(_limit(key, most, unit, limits) for key, most in bounds.items())
-    as_fast = TIMING_NOISE * own[chosen["fastest"].chosen]["single_seconds"]
-    if chosen["fastest"].kept:
-        and_fast = [[*some, row["single_seconds"]] for some, row in zip(bounded, own, strict=True)]
-        chosen["fastest"] = choose([row["storage_bytes"] for row in own], and_fast, [*bounds.values(), as_fast])
     first = chosen["fastest" if error is not None else "most_accurate"]
     if not first.kept:
         row = own[first.chosen]
         sentence = f"{variable}: none keeps {wanted}; the closest is {_described(row)}."
         return {**answer, "closest": _named(row), "sentence": sentence}
     answer |= {name: _named(own[choice.chosen]) for name, choice in chosen.items()}
-    sentence = f"{variable}: {wanted} is kept most cheaply by {_described(own[first.chosen])}"
     if error is None:
-        sentence = f"{variable}: within {wanted} the most accurate is {_described(own[first.chosen])}"
+        sentence = f"{variable}: within {wanted} the most accurate is {_described(own[first.chosen])}."
+        return {**answer, "kept": True, "sentence": sentence}
+    sentence = f"{variable}: {wanted} is kept most cheaply by {_described(own[first.chosen])}"
     if (smallest := own[chosen["smallest"].chosen]) is not own[first.chosen]:
         sentence += f"; the least storage is that of {_described(smallest)}"
     return {**answer, "kept": True, "sentence": f"{sentence}."}
 
 
+def _chosen(rows: Sequence[Mapping[str, Any]], bounds: Mapping[str, float]) -> dict[str, Choice]:
+    """Choose by each quantity within the bounds; of what is as good in it, the smallest in bytes."""
+    limits, bounded = list(bounds.values()), [[row[key] for key in bounds] for row in rows]
+    sizes, found = [row["storage_bytes"] for row in rows], {}
+    for name, key, alike in CHOICES:
+        found[name] = choose([row[key] for row in rows], bounded, limits)
+        most = alike * rows[found[name].chosen][key]
+        if found[name].kept and most > 0:  # an error of zero leaves no room for another
+            as_good = [[*some, row[key]] for some, row in zip(bounded, rows, strict=True)]
+            found[name] = choose(sizes, as_good, [*limits, most])
+    return found
+
+
 def _limit(key: str, most: float, unit: str, limits: Limits) -> str:
-    if key != "rmse":
+    if key == "single_seconds":
         return f"at most {seconds_text(most)} per snapshot"
+    if key == "storage_bytes":
+        return f"at most {bytes_text(most)} to keep"
     in_diameters = f" ({limits.max_error:g} d)" if limits.error_unit == DIAMETERS else ""
     return f"an error of at most {most:.3g} {unit}{in_diameters}"
 
 
 def _named(row: Mapping[str, Any]) -> dict[str, Any]:
-    keys = ("interval", "surrogate", "modes", "rmse", "rmse_diameters", "single_seconds", "storage_bytes")
-    return {key: row[key] for key in keys}
+    keys = ("interval", "n_snapshots", "surrogate", "basis", "modes", "precision", "rmse", "rmse_diameters")
+    return {key: row[key] for key in (*keys, "single_seconds", "storage_bytes")}
 
 
 def _described(row: Mapping[str, Any]) -> str:
     modes = "" if row["modes"] is None else f" with {row['modes']} modes"
+    of = " of positions and velocities" if row["basis"] == "enriched" else ""
+    kept = PRECISIONS[row["precision"]].text
     return (
-        f"{row['surrogate']}{modes} at Δτ {seconds_text(row['interval'])} (error {row['rmse']:.3g} {row['unit']}, "
-        f"{seconds_text(row['single_seconds'])} per snapshot, {bytes_text(row['storage_bytes'])} to keep)"
+        f"{row['surrogate']}{modes}{of} in {kept} at Δτ {seconds_text(row['interval'])} (error {row['rmse']:.3g} "
+        f"{row['unit']}, {seconds_text(row['single_seconds'])} per snapshot, "
+        f"{bytes_text(row['storage_bytes'])} to keep)"
     )

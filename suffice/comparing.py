@@ -5,14 +5,13 @@ from typing import Any
 from pydantic import Field
 
 from suffice.beyond import compare_beyond
-from suffice.choice import Limits, cheapest
-from suffice.compare import compare, known_surrogates, mark_fronts
+from suffice.choice import Limits
+from suffice.compare import compare, decided, known_surrogates
 from suffice.making import is_trained
 from suffice.progress import Reporter
 from suffice.run import Run
 from suffice.stages import Settings
 from suffice.watched import compare_observables
-from suffice.winners import winners
 from surrogates import SURROGATES
 
 
@@ -34,6 +33,7 @@ class Comparing(Settings):
     surrogates: list[str] | None = None
     max_error: float | None = Field(default=None, gt=0, description="in diameters")
     max_seconds: float | None = Field(default=None, gt=0, description="per snapshot, s")
+    max_bytes: float | None = Field(default=None, gt=0, description="to keep, of one variable")
     networks: Networks | None = None
     observables: list[float] = Field(default=[], description="Δτ at which observables are compared, s")
     beyond: list[float] = Field(default=[], description="Δτ at which what follows the first two thirds is predicted, s")
@@ -56,6 +56,7 @@ def compare_as_wished(run: Run, wish: Comparing, seed: int, reporter: Reporter) 
             max_error=wish.max_error,
             error_unit="d",
             max_seconds=wish.max_seconds,
+            max_bytes=wish.max_bytes,
             seed=seed,
             progress=advance,
         )
@@ -91,14 +92,13 @@ def _with_networks(run: Run, answer: dict[str, Any], wish: Networks, seed: int, 
             progress=advance,
         )
     rows, limits = answer["rows"] + more["rows"], Limits(**answer["limits"])
-    mark_fronts(rows)
-    known = {(base["variable"], base["interval"]) for base in answer["bases"]}
+    known = {(base["variable"], base["interval"], base["basis"]) for base in answer["bases"]}
     return {
         **answer,
         "seeds": wish.seeds,
         "rows": rows,
-        "bases": answer["bases"] + [b for b in more["bases"] if (b["variable"], b["interval"]) not in known],
+        "bases": answer["bases"]
+        + [b for b in more["bases"] if (b["variable"], b["interval"], b["basis"]) not in known],
         "left_out": answer["left_out"] + more["left_out"],
-        "winners": winners(rows),
-        "choice": {name: cheapest(name, rows, limits, answer["diameter"]) for name in answer["choice"]},
+        **decided(rows, answer["choice"], limits, answer["diameter"]),
     }

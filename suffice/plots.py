@@ -4,16 +4,18 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from suffice.wording import bytes_text, escape, finite, number, seconds_text
+from suffice.wording import escape, finite, seconds_text
 
 Figure = dict[str, Any]
 
-COLOURS = ("#3b8fd0", "#e08214", "#2ca089", "#b35bb0", "#d6404e", "#93913f", "#7a6fd0", "#5c9e45")
+COLOURS = (
+    *("#3b8fd0", "#e08214", "#2ca089", "#b35bb0", "#d6404e", "#93913f", "#7a6fd0", "#5c9e45"),
+    *("#a0683c", "#d9799f", "#4fb3bf", "#c2a417"),
+)
 COARSE, MIDDLE, FINE = (217, 102, 43), (160, 95, 181), (31, 147, 168)  # colours of Δτ; readable on light and dark
 QUIET = "#8791a0"
 NOISE = 1e-14  # of the energy: below it 1 - I is the rounding of a sum
 ENERGIES = ("kinetic", "rotational", "potential", "elastic", "dissipated", "wall_work", "balance")
-COSTS = {"single_seconds": "seconds per snapshot", "storage_bytes": "bytes to keep"}
 
 
 def consistency_figure(curves: Mapping[str, Any], judged: Sequence[Mapping[str, Any]], limit: float) -> Figure:
@@ -80,38 +82,6 @@ def error_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     values = sorted({row["interval"] * 1e3 for row in rows})
     layout["xaxis"] |= {"tickvals": values, "ticktext": [f"{value:.3g}" for value in values]}
     layout["yaxis"] |= ticks(y for line in data for y in line["y"])
-    return {"data": data, "layout": layout}
-
-
-def tradeoff_figure(rows: Sequence[Mapping[str, Any]], cost: str) -> Figure:
-    """Error against one cost, a mark per surrogate, Δτ and number of modes; the Pareto front as a line."""
-    field, unit = error_field(rows)
-    front = sorted((row for row in rows if (row.get("on_front") or {}).get(cost)), key=lambda row: row[cost])
-    line = {"color": QUIET, "width": 1.5, "shape": "hv"}
-    xy = {"x": [row[cost] for row in front], "y": [row[field] for row in front]}
-    data: list[Figure] = [
-        {"type": "scatter", "mode": "lines", "name": "front", "line": line, "hoverinfo": "skip", **xy}
-    ]
-    for name, colour in colours_of(rows).items():
-        # the first mark stands in the legend: let it be a filled one
-        own = sorted((row for row in rows if row["surrogate"] == name), key=lambda row: -(row["modes"] or 0))
-        few = {(r["variable"], r["interval"]): r["modes"] for r in _levels(own, False)}
-        symbols = [_symbol(row, few) for row in own]
-        data.append(
-            {
-                "type": "scatter",
-                "mode": "markers",
-                "name": escape(name),
-                "x": [row[cost] for row in own],
-                "y": [row[field] for row in own],
-                "marker": {"color": colour, "size": 9, "symbol": symbols, "line": {"width": 1.5, "color": colour}},
-                "text": [_hover(row) for row in own],
-                "hovertemplate": "%{text}<extra></extra>",
-            }
-        )
-    layout = _layout(COSTS[cost], f"error ({unit})", "log", "log")
-    layout["xaxis"] |= ticks((row[cost] for row in rows), seconds_text if cost == "single_seconds" else bytes_text)
-    layout["yaxis"] |= ticks(row[field] for row in rows)
     return {"data": data, "layout": layout}
 
 
@@ -231,25 +201,6 @@ def _floor_line(rows: Sequence[Mapping[str, Any]], field: str, *, most: bool) ->
     name = f"floor, {'all' if most else 'n_lr'} modes"
     line = {"color": QUIET, "dash": "dash" if most else "dot"}
     return _line(name, [row["interval"] * 1e3 for row in on_modes], floor, line)
-
-
-def _symbol(row: Mapping[str, Any], few: Mapping[tuple[str, float], Any]) -> str:
-    """Diamond: no modes; open circle: n_lr modes; filled: all."""
-    if row["modes"] is None:
-        return "diamond"
-    return "circle-open" if few[row["variable"], row["interval"]] == row["modes"] else "circle"
-
-
-def _hover(row: Mapping[str, Any]) -> str:
-    modes = "no modes, snapshots themselves" if row["modes"] is None else f"{row['modes']} modes"
-    diameters = f" = {number(row['rmse_diameters'])} d" if row.get("rmse_diameters") is not None else ""
-    return (
-        f"<b>{escape(row['surrogate'])}</b>, Δτ {seconds_text(row['interval'])}, {modes}<br>"
-        f"error {number(row['rmse'])} {escape(str(row.get('unit', '')))}{diameters}, "
-        f"{number(row.get('ratio_to_floor'))} × floor<br>"
-        f"{seconds_text(row['single_seconds'])} a snapshot ({seconds_text(row['batch_seconds'])} among many), "
-        f"{bytes_text(row['storage_bytes'])}"
-    )
 
 
 def _layout(x: str, y: str, x_type: str, y_type: str) -> Figure:

@@ -1,9 +1,9 @@
 """Snapshots nobody trained on, reconstructed from those that were kept: how wrong, and at what cost."""
 
-from collections.abc import Iterator
+from collections.abc import Mapping
 from statistics import median
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from pod import Basis, RowSource, SnapshotMatrix, lanczos_pod
 from selection.consistency import Projection, consistency
 from selection.feasibility import consistent_mode
-from suffice.variables import BLOCK_VALUES
-from surrogates import SURROGATES, Network, Surrogate, measure_cost
+from suffice.precision import finer, model_bytes, narrowed
+from suffice.rounding import Rounding, rounded_errors
+from surrogates import Network, Surrogate, measure_cost
 
 Array = NDArray[np.float64]
 BATCH = 16  # snapshots reconstructed together when the cost of many is measured
@@ -49,12 +50,14 @@ class Reconstruction(NamedTuple):
 
     surrogate: str
     modes: int | None  # None: on the snapshots themselves
+    precision: str  # in which mean, modes and coefficients, or the snapshots, are kept
     errors: Array  # (u,) RMSE over the rows, unit of the variable
     fit_seconds: float
     single_seconds: float  # one full snapshot, asked for alone
     batch_seconds: float  # one full snapshot, when many are asked for at once
     storage_bytes: int  # everything that must be kept to answer
     remark: str = ""  # how the training of a network ended
+    finer_modes: int = 0  # leading modes that are kept in a finer precision, because rounding them would show
 
 
 def reduce(case: Case, energy: float) -> Reduced:
@@ -67,7 +70,12 @@ def reduce(case: Case, energy: float) -> Reduced:
     begin = perf_counter()
     kept = len(case.training) - 1  # the mean takes one of the m degrees of freedom
     basis = lanczos_pod(matrix.columns(case.training), modes=kept, reconstructable=energy)
-    seconds = perf_counter() - begin
+    return reduced_on(basis, case, perf_counter() - begin)
+
+
+def reduced_on(basis: Basis, case: Case, seconds: float) -> Reduced:
+    """Project the window on a basis that took so many seconds."""
+    matrix = SnapshotMatrix(case.values)
     coefficients = basis.project(matrix.columns(np.arange(case.training[-1] + 1)))
     rates = None
     if case.rates is not None:
@@ -96,32 +104,51 @@ def projection_errors(reduced: Reduced, case: Case, n: int) -> Array:
 
 
 def modal(
-    surrogate: Surrogate, reduced: Reduced, case: Case, n: int, reconstruct_seconds: tuple[float, float]
-) -> Reconstruction:
-    """Fit one surrogate to the first n coefficients and reconstruct the unseen snapshots.
+    surrogate: Surrogate,
+    reduced: Reduced,
+    case: Case,
+    n: int,
+    reconstruct_seconds: tuple[float, float],
+    kept: Mapping[str, Rounding | None],
+) -> list[Reconstruction]:
+    """Fit one surrogate to the first n coefficients and reconstruct the unseen snapshots, in each precision kept.
 
-    Modes are orthonormal, so E² = E_projection² + |c - ĉ|²/rows holds and no row is touched again.
-    reconstruct_seconds: of one snapshot alone and of one among many, from `measure_reconstruction`.
+    Modes are orthonormal, so E² = E_projection² + |c - ĉ|²/rows holds and no row is touched again; of rounded ones the
+    inner products that `roundings` found are added. Seconds are the same for all: numbers are widened when a model is
+    read. reconstruct_seconds: of one snapshot alone and of one among many, from `measure_reconstruction`; kept: what
+    rounding takes from mean and modes in each precision, None for nothing.
     Raises surrogates.InputError where it cannot be fitted.
     """
     rates = None if reduced.rates is None else reduced.rates[:, :n]
     surrogate.fit(case.times[case.training], reduced.coefficients[case.training, :n], rates)
-    unseen = case.times[case.unseen]
-    miss = surrogate.predict(unseen) - reduced.coefficients[case.unseen, :n]
-    rows = len(reduced.basis.mean)
-    errors = np.sqrt(projection_errors(reduced, case, n) ** 2 + np.square(miss).sum(axis=1) / rows)
+    unseen, rows = case.times[case.unseen], len(reduced.basis.mean)
+    known, floor = reduced.coefficients[case.unseen], rows * projection_errors(reduced, case, n) ** 2
     cost = measure_cost(surrogate, unseen, repeats=REPEATS)
     alone, among_many = reconstruct_seconds
-    return Reconstruction(
-        surrogate.name,
-        n,
-        errors,
-        cost.fit_seconds,
-        cost.single_seconds + alone,
-        cost.batch_seconds + among_many,
-        rows * (n + 1) * case.itemsize + cost.model_bytes,
-        training_remark(surrogate),
-    )
+    found = []
+    for precision, rounding in kept.items():
+        asked, size = narrowed(surrogate, finer(precision))
+        leading = 0 if rounding is None else min(rounding.leading, n)
+        predicted = asked.predict(unseen)
+        if rounding is None:
+            squares = floor + np.square(predicted - known[:, :n]).sum(axis=1)
+        else:
+            squares = rounded_errors(rounding, floor, known, predicted)
+        found.append(
+            Reconstruction(
+                surrogate.name,
+                n,
+                precision,
+                np.sqrt(squares / rows),
+                cost.fit_seconds,
+                cost.single_seconds + alone,
+                cost.batch_seconds + among_many,
+                model_bytes(rows, n, precision, leading) + size,
+                training_remark(surrogate),
+                leading,
+            )
+        )
+    return found
 
 
 def training_remark(surrogate: Surrogate) -> str:
@@ -155,72 +182,3 @@ def measure_reconstruction(basis: Basis, coefficients: Array) -> tuple[float, fl
 
     alone = median(seconds(batch[:1]) for _ in range(REPEATS))
     return alone, median(seconds(batch) for _ in range(REPEATS)) / BATCH
-
-
-def raw(name: str, case: Case) -> Reconstruction:
-    """Interpolate the unseen snapshots from the stored ones, without modes, by blocks of rows.
-
-    One snapshot alone is timed on the two stored ones around it, which is all that an interpolation reads.
-    Raises surrogates.InputError where it cannot be fitted.
-    """
-    rows = int(case.values.shape[0])
-    squares, fit_seconds, ask_seconds = np.zeros(len(case.unseen)), 0.0, 0.0
-    for part in _row_slices(case):
-        values = _snapshots(case.values, part)
-        surrogate = _fit_raw(name, case, case.training, part, values)
-        begin = perf_counter()
-        predicted = surrogate.predict(case.times[case.unseen])
-        ask_seconds += perf_counter() - begin
-        fit_seconds += surrogate.fit_seconds_
-        predicted -= values[case.unseen]
-        squares += np.einsum("ij,ij->i", predicted, predicted)
-    return Reconstruction(
-        name,
-        None,
-        np.sqrt(squares / rows),
-        fit_seconds,
-        _seconds_between_two(name, case),
-        ask_seconds / len(case.unseen),
-        _raw_bytes(name, case),
-    )
-
-
-def _row_slices(case: Case) -> Iterator[slice]:
-    rows, snapshots = case.values.shape
-    step = max(BLOCK_VALUES // snapshots, 1)
-    return (slice(start, min(start + step, rows)) for start in range(0, rows, step))
-
-
-def _snapshots(source: RowSource, part: slice) -> NDArray[Any]:
-    """Rows of this slice as (snapshots, b), contiguous in a snapshot as they are stored, in the stored precision."""
-    return np.ascontiguousarray(np.asarray(source[part]).T)
-
-
-def _fit_raw(name: str, case: Case, which: NDArray[np.intp], part: slice, values: NDArray[Any]) -> Surrogate:
-    """Fit to `which` of the snapshots; values: (snapshots, b) rows of the slice."""
-    rates = None
-    if case.rates is not None and SURROGATES[name].needs_rates:
-        rates = _snapshots(case.rates, part)[which]
-    return SURROGATES[name]().fit(case.times[which], values[which], rates)
-
-
-def _seconds_between_two(name: str, case: Case) -> float:
-    """Seconds to interpolate one full snapshot half way between two stored ones, both in memory."""
-    around = case.training[len(case.training) // 2 - 1 :][:2]
-    values, rates = _whole(case.values, around, case), None
-    if case.rates is not None and SURROGATES[name].needs_rates:
-        rates = _whole(case.rates, around, case)
-    times = case.times[around]
-    surrogate = SURROGATES[name]().fit(times, values, rates)
-    return measure_cost(surrogate, [float(times.mean())], repeats=REPEATS).single_seconds
-
-
-def _whole(source: RowSource, which: NDArray[np.intp], case: Case) -> NDArray[Any]:
-    """Return some of the snapshots in full, (len(which), rows); read by blocks."""
-    return np.concatenate([_snapshots(source, part)[which] for part in _row_slices(case)], axis=1)
-
-
-def _raw_bytes(name: str, case: Case) -> int:
-    """Bytes of the stored snapshots, of their rates where they are used, and of their times."""
-    m, fields = len(case.training), 2 if SURROGATES[name].needs_rates else 1
-    return fields * m * int(case.values.shape[0]) * case.itemsize + m * case.times.itemsize

@@ -11,20 +11,20 @@ from plotly.offline import get_plotlyjs
 
 from suffice.beyond_section import beyond_section
 from suffice.plots import (
-    COSTS,
     consistency_figure,
     error_figure,
     lanczos_figure,
     ledger_figure,
     spectrum_figure,
     stages_figure,
-    tradeoff_figure,
 )
 from suffice.refusal import Refusal
 from suffice.section import Section
+from suffice.tradeoff_section import tradeoff_section
 from suffice.unseen_section import unseen_section
 from suffice.verdicts import feasibility_table, table_legend, verdict_items
-from suffice.wording import bytes_text, escape, number, seconds_text
+from suffice.winners import in_the_widest
+from suffice.wording import escape, number, seconds_text
 from suffice.worth import observables_section, winners_section
 
 Results = Mapping[str, Any]
@@ -65,7 +65,7 @@ def render(results: Results) -> str:
         _error,
         winners_section,
         observables_section,
-        _tradeoff,
+        tradeoff_section,
         beyond_section,
         unseen_section,
         _ledger,
@@ -193,31 +193,13 @@ def _error(results: Results) -> Section | None:
     by_variable = _rows_by_variable(results)
     if not by_variable:
         return None
-    figures = {name: error_figure(rows) for name, rows in by_variable.items()}
+    figures = {name: error_figure(_of_positions_alone(rows)) for name, rows in by_variable.items()}
     text = (
         "Root mean square over particles, mean over the snapshots between the training snapshots (kind: in time). "
         "Dashed: what projection on the modes leaves, which no surrogate of these modes can undercut. "
         "Raw baselines interpolate the stored snapshots themselves, without a model."
     )
     return Section("Error against Δτ", _quiet(text), figures, _variable_picker(figures))
-
-
-def _tradeoff(results: Results) -> Section | None:
-    by_variable = _rows_by_variable(results)
-    if not by_variable:
-        return None
-    figures = {f"{name}|{cost}": tradeoff_figure(rows, cost) for name, rows in by_variable.items() for cost in COSTS}
-    choice = (results.get("compare") or {}).get("choice") or {}
-    sentences = "".join(f"<li>{escape(str(found['sentence']))}</li>" for found in choice.values())
-    text = (
-        "A mark is one surrogate at one Δτ, on all modes (filled), on n<sub>lr</sub> (open) or on none (diamond). "
-        "Lower left is better; no other choice beats those on the line."
-    )
-    body = (f'<ul class="verdicts">{sentences}</ul>' if sentences else "") + _quiet(text)
-    pickers = {**_variable_picker(by_variable), "cost": COSTS}
-    fronts = "".join(_front_table(name, rows) for name, rows in by_variable.items())
-    below = f"<details><summary>What no other choice beats, in numbers</summary>{fronts}</details>"
-    return Section("Error against cost", body, figures, pickers, below)
 
 
 def _ledger(results: Results) -> Section | None:
@@ -256,36 +238,13 @@ def _variable_picker(names: Iterable[str]) -> dict[str, Mapping[str, str]]:
     return {"variable": {name: name for name in names}}
 
 
+def _of_positions_alone(rows: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Return what is kept in the precision of the run, without the modes of positions and velocities."""
+    return [row for row in in_the_widest(rows) if row.get("basis") != "enriched"]
+
+
 def _rows_by_variable(results: Results) -> dict[str, list[Mapping[str, Any]]]:
     by_variable: dict[str, list[Mapping[str, Any]]] = {}
     for row in (results.get("compare") or {}).get("rows") or []:
         by_variable.setdefault(row["variable"], []).append(row)
     return by_variable
-
-
-def _front_table(variable: str, rows: Sequence[Mapping[str, Any]]) -> str:
-    """Tabulate the rows on either front, the most accurate first."""
-    best = sorted((row for row in rows if any((row.get("on_front") or {}).values())), key=lambda row: row["rmse"])
-    unit = escape(str(rows[0].get("unit", "")))
-    head = "".join(
-        f'<th class="number">{text}</th>'
-        for text in ("Δτ", "modes", f"error ({unit})", "× floor", "a snapshot", "to keep")
-    )
-    body = "".join(
-        f"<tr><td>{escape(str(row['surrogate']))}</td>"
-        + "".join(
-            f'<td class="number">{text}</td>'
-            for text in (
-                seconds_text(row["interval"]),
-                "–" if row["modes"] is None else str(row["modes"]),
-                number(row["rmse"]),
-                number(row.get("ratio_to_floor")),
-                seconds_text(row["single_seconds"]),
-                bytes_text(row["storage_bytes"]),
-            )
-        )
-        + "</tr>"
-        for row in best
-    )
-    table = f'<table class="plain"><tr><th>{escape(variable)}</th>{head}</tr>{body}</table>'
-    return f'<div class="scroll">{table}</div>'

@@ -76,6 +76,11 @@ def compare(
         str | None, typer.Option(help="largest RMSE: 0.05d in diameters, or in the variable's unit")
     ] = None,
     max_seconds: Annotated[float | None, typer.Option(help="longest time for one snapshot, s")] = None,
+    max_bytes: Annotated[str | None, typer.Option(help="most to keep of a variable, such as 500kB or 2MB")] = None,
+    precision: Annotated[
+        list[str] | None,
+        typer.Option(help="double, single, half, int16 or int8; may be repeated; default: the integers"),
+    ] = None,
     held_out: Annotated[str | None, typer.Option(help="of --task unseen: speeds no surrogate is shown, 1/min")] = None,
     seed: Seed = 0,
     seeds: Annotated[int, typer.Option(help="trainings of each network, their spread is shown")] = 1,
@@ -103,23 +108,30 @@ def compare(
     elif task == "observables":
         _compare_observables(context, runs[0], interval, how, json)
     else:
-        limits = {"seeds": seeds, "training_seconds": training_seconds, "max_seconds": max_seconds}
-        _compare_between(context, runs[0], (variables, interval, max_error), how | limits, json)
+        effort = {"seeds": seeds, "training_seconds": training_seconds, "precisions": precision}
+        limits = (max_error, max_seconds, max_bytes)
+        _compare_between(context, runs[0], (variables, interval), limits, how | effort, json)
 
 
 def _compare_between(
-    context: typer.Context, path: Path, asked: tuple[list[str] | None, str | None, str | None], how: Any, json: Any
+    context: typer.Context,
+    path: Path,
+    asked: tuple[list[str] | None, str | None],
+    limits: tuple[str | None, float | None, str | None],
+    how: dict[str, Any],
+    json: Any,
 ) -> None:
-    from suffice.choice import parse_error
+    from suffice.choice import parse_bytes, parse_error
     from suffice.compare import compare as compare_run
     from suffice.run import Run
     from suffice.tables import show_comparison
 
-    variables, interval, max_error = asked
+    (variables, interval), (max_error, max_seconds, max_bytes) = asked, limits
     error, unit = (None, "m") if max_error is None else parse_error(max_error)
-    steps = _intervals(interval)
+    size, steps = None if max_bytes is None else parse_bytes(max_bytes), _intervals(interval)
+    how |= {"max_error": error, "error_unit": unit, "max_seconds": max_seconds, "max_bytes": size}
     with Run(path) as run, context.obj.stage("compare", "cases") as advance:
-        answer = compare_run(run, variables, steps, max_error=error, error_unit=unit, progress=advance, **how)
+        answer = compare_run(run, variables, steps, progress=advance, **how)
     if tell(answer, json):
         show_comparison(answer)
 

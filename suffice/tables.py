@@ -8,6 +8,7 @@ from rich.table import Table
 
 from suffice.wording import bytes_text, errors_text, number, seconds_text
 
+ENRICHED = "+ v: modes of positions and velocities; bold: no other choice beats it in error and cost"
 MARKS = {"sufficient": "green", "insufficient": "red", "undecidable": "yellow"}
 
 
@@ -51,17 +52,24 @@ def _chosen(found: Mapping[str, Any]) -> str:
 
 
 def show_comparison(answer: Mapping[str, Any]) -> None:
-    """Print error and cost of every surrogate, one table per variable and Δτ, the Pareto front marked."""
+    """Print error and cost of every surrogate, one table per variable and Δτ, the Pareto front marked.
+
+    Of the narrower precisions only what stands on a front is shown.
+    """
     console = Console()
-    for base in answer["bases"]:
+    widest = _widest(answer["rows"])
+    for base in (base for base in answer["bases"] if base["basis"] == "plain"):
         rows = [r for r in answer["rows"] if (r["variable"], r["interval"]) == (base["variable"], base["interval"])]
+        rows = [r for r in rows if r["precision"] == widest[r["variable"]] or any(r["on_front"].values())]
         title = f"{base['variable']}, Δτ = {base['interval']:g} s"
-        table = Table("surrogate", "modes", "RMSE", "diameters", "over floor", "one snapshot", "storage", title=title)
+        heads = ("surrogate", "modes", "kept as", f"RMSE ({base['unit']})", "in d", "× floor", "snapshot", "storage")
+        table = Table(*heads, title=title, padding=(0, 0), caption=ENRICHED if _has_enriched(rows) else None)
         for r in sorted(rows, key=lambda r: float(r["rmse"])):
             table.add_row(
                 r["surrogate"],
-                number(r["modes"]),
-                f"{number(r['rmse'])} {r['unit']}",
+                number(r["modes"]) + (" + v" if r["basis"] == "enriched" else ""),
+                r["precision"],
+                number(r["rmse"]),
                 number(r["rmse_diameters"]),
                 number(r["ratio_to_floor"]),
                 seconds_text(r["single_seconds"]),
@@ -69,11 +77,23 @@ def show_comparison(answer: Mapping[str, Any]) -> None:
                 style="bold" if any(r["on_front"].values()) else None,
             )
         console.print(table)
-    for r in (r for r in answer["rows"] if r.get("remark")):
+    for r in (r for r in answer["rows"] if r.get("remark") and r["precision"] == widest[r["variable"]]):
         place = f"{r['variable']}, Δτ = {r['interval']:g} s, {r['surrogate']} on {r['modes']} modes"
         console.print(f"{place}: {r['remark']}", highlight=False)
     for found in [*answer.get("winners", []), *answer["choice"].values()]:
         console.print(found["sentence"], highlight=False)
+
+
+def _has_enriched(rows: Sequence[Mapping[str, Any]]) -> bool:
+    return any(row["basis"] == "enriched" for row in rows)
+
+
+def _widest(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """Return for each variable the precision of the run, which its first row is in."""
+    found: dict[str, str] = {}
+    for row in rows:
+        found.setdefault(row["variable"], row["precision"])
+    return found
 
 
 def show_facts(title: str, facts: Mapping[str, Any]) -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
+from suffice.precision import PRECISIONS
 from suffice.wording import seconds_text
 
 Row = Mapping[str, Any]
@@ -10,21 +11,24 @@ Row = Mapping[str, Any]
 EQUAL = 0.01  # of the smaller error: below it nobody wins
 RAW = ("raw-linear", "raw-hermite")
 NETWORKS = ("mlp", "lstm")
+ENRICHED, OF_BOTH = "enriched", " of positions and velocities"
 RIVALS = ("linear", "raw-hermite")  # what a network must beat to be worth its training
 
 
 def winners(rows: Iterable[Row], networks: Collection[str] = NETWORKS) -> list[dict[str, Any]]:
     """Return who wins each variable and Δτ among surrogates on the same number of modes; plain types, ready for JSON.
 
-    rows: as `compare` writes them; a row may carry `seeds`, its error for each seed, of which the mean counts and the
-    range is the spread, or `rmse_spread`, in the unit of the variable. A difference below the larger spread of the two,
-    or below 1 %, is a tie. networks: names of which it is said where they stand behind linear interpolation of the
-    coefficients or Hermite interpolation of the snapshots.
+    Like is compared with like: only rows in the widest `precision` of a place, that of the run, take part, and those on
+    the `enriched` basis of positions and velocities among themselves. rows: as `compare` writes them; a row may carry
+    `seeds`, its error for each seed, of which the mean counts and the range is the spread, or `rmse_spread`, in the
+    unit of the variable. A difference below the larger spread of the two, or below 1 %, is a tie. networks: names of
+    which it is said where they stand behind linear interpolation of the coefficients or Hermite interpolation of the
+    snapshots.
 
-    Each entry has `variable`, `interval` (s), `levels` (one per number of modes: `modes`, `winner`, who is `tied` with
-    it, the `next`, and `by` what part that errs more), `raw`, the best baseline without a model, `raw_wins`, whether it
-    beats every model, `raw_by`, what part more than the best of them it errs (negative: less), `behind`, the networks
-    that a rival beats, and the `sentence` that says all this.
+    Each entry has `variable`, `interval` (s), `levels` (one per number of modes of the plain basis: `modes`, `winner`,
+    who is `tied` with it, the `next`, and `by` what part that errs more), `enriched` (the same of that basis), `raw`,
+    the best baseline without a model, `raw_wins`, whether it beats every model, `raw_by`, what part more than the best
+    of them it errs (negative: less), `behind`, the networks that a rival beats, and the `sentence` that says all this.
     """
     places: dict[tuple[str, float], list[Row]] = {}
     for row in rows:
@@ -52,24 +56,44 @@ def beats(one: Row, other: Row) -> bool:
 
 
 def _place(variable: str, interval: float, rows: Sequence[Row], networks: Collection[str]) -> dict[str, Any]:
+    rows = in_the_widest(rows)
     on_modes = [row for row in rows if row["modes"] is not None]
+    enriched = [row for row in on_modes if row.get("basis") == ENRICHED]
+    plain = [row for row in on_modes if row.get("basis") != ENRICHED]
     baselines = sorted((row for row in rows if row["modes"] is None and row["surrogate"] in RAW), key=error_of)
-    levels = [
-        _level([row for row in on_modes if row["modes"] == n]) for n in sorted({row["modes"] for row in on_modes})
-    ]
     best = min(on_modes, key=error_of, default=None)
     raw = baselines[0] if baselines else None
     raw_wins = best is not None and raw is not None and beats(raw, best)
     found = {
         "variable": variable,
         "interval": interval,
-        "levels": levels,
+        "levels": _levels(plain),
+        "enriched": _levels(enriched),
         "raw": None if raw is None else raw["surrogate"],
         "raw_wins": raw_wins,
         "raw_by": error_of(raw) / error_of(best) - 1.0 if raw and best and error_of(best) else None,
-        "behind": _behind(rows, networks),
+        "behind": _behind([*plain, *baselines], networks),
     }
-    return {**found, "sentence": _sentence(found, best)}
+    return {**found, "sentence": _sentence(found, best, _against_plain(raw, plain))}
+
+
+def _against_plain(raw: Row | None, plain: Sequence[Row]) -> tuple[Row, float] | None:
+    """Return the best model of positions alone, and by what part a baseline that beats it errs less."""
+    best = min(plain, key=error_of, default=None)
+    if raw is None or best is None or not beats(raw, best):
+        return None
+    return best, 1.0 - error_of(raw) / error_of(best)
+
+
+def in_the_widest(rows: Sequence[Row]) -> list[Row]:
+    """Return the rows in the precision that keeps the most digits; those that name none are in that of the run."""
+    order = list(PRECISIONS)
+    widest = min((order.index(row["precision"]) for row in rows if row.get("precision")), default=0)
+    return [row for row in rows if row.get("precision", order[widest]) == order[widest]]
+
+
+def _levels(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    return [_level([row for row in rows if row["modes"] == n]) for n in sorted({row["modes"] for row in rows})]
 
 
 def _level(rows: Sequence[Row]) -> dict[str, Any]:
@@ -115,20 +139,29 @@ def _said_of(behind: Sequence[Mapping[str, Any]]) -> list[str]:
     ]
 
 
-def _sentence(found: Mapping[str, Any], best: Row | None) -> str:
+def _sentence(found: Mapping[str, Any], best: Row | None, behind: tuple[Row, float] | None) -> str:
     start = f"{found['variable']}, Δτ {seconds_text(found['interval'])}: "
     parts = [_said(level) for level in found["levels"]]
+    # with few modes of both only surrogates that know rates are compared: alone they win nothing
+    parts += [_said(level, OF_BOTH) for level in found["enriched"] if level["tied"] or level["next"]]
     if found["raw_wins"] and best is not None:
         parts.append(
             f"no model wins here: {found['raw']}, without any, errs {-found['raw_by']:.0%} less than the best of them, "
-            f"{best['surrogate']} on {best['modes']} modes"
+            f"{best['surrogate']} on {best['modes']} modes{OF_BOTH if best.get('basis') == ENRICHED else ''}"
+        )
+    elif behind is not None and best is not None:
+        plain, less = behind
+        parts.append(
+            f"{found['raw']}, without a model, errs {less:.0%} less than the best of positions alone, "
+            f"{plain['surrogate']} on {plain['modes']} modes, and not less than {best['surrogate']} on {best['modes']} "
+            "modes of positions and velocities"
         )
     parts += _said_of(found["behind"])
     return start + ("; ".join(parts) or "nothing could be compared") + "."
 
 
-def _said(level: Mapping[str, Any]) -> str:
-    modes = f"on {level['modes']} mode{'' if level['modes'] == 1 else 's'} "
+def _said(level: Mapping[str, Any], of: str = "") -> str:
+    modes = f"on {level['modes']} mode{'' if level['modes'] == 1 else 's'}{of} "
     if level["tied"]:
         first = f"{modes}{', '.join([level['winner'], *level['tied'][:-1]])} and {level['tied'][-1]} tie"
     else:

@@ -95,7 +95,7 @@ class Gp(Interpolant):
         return {**super()._arrays(), "kernel": np.array([self.length_, self.noise_])}
 
     def _restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        super()._restore(state)
+        super()._fit(self._stored(state))  # as an interpolant: the kernel is known, and need not be sought again
         length, noise = saved_numbers(state, "kernel", 2)
         self.likelihood_ = {}
         self._condition(length, noise)

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from suffice import reconstruction, variables
+from suffice import baselines, variables
+from suffice.choice import parse_bytes
 from suffice.compare import compare
 from suffice.making import is_trained
+from suffice.precision import PRECISIONS, extent_of, read_back
 from suffice.readers import import_run
 from suffice.refusal import Refusal
 from suffice.run import Run
@@ -69,9 +71,10 @@ def wavy(tmp_path_factory):
         yield run
 
 
-def row(answer, surrogate, modes="all", variable="position.x"):
+def row(answer, surrogate, modes="all", variable="position.x", basis="plain", precision="double"):
     """Return the one row of this surrogate: without modes, or with n_lr or all of them."""
     rows = [r for r in answer["rows"] if r["surrogate"] == surrogate and r["variable"] == variable]
+    rows = [r for r in rows if r["precision"] == precision and r["basis"] in (basis, None)]
     return rows[0 if modes == "n_lr" else -1]
 
 
@@ -107,9 +110,10 @@ def test_consistent_modes_between_the_least_and_all_are_a_level_of_their_own(tmp
     with Run(write(tmp_path / "run.h5", position, np.zeros_like(position))) as run:
         answer = compare(run, ["position.x"], [0.005], ["spline"])
         (judged,) = select_run(run, ["position.x"], [0.005])["position.x"].candidates
-    (base,) = answer["bases"]
+    base = next(b for b in answer["bases"] if b["basis"] == "plain")
     assert base["n_lr"] == judged.n_lr < base["n_c"] == judged.n_c < base["modes"]
-    assert [r["modes"] for r in answer["rows"]] == [base["n_lr"], base["n_c"], base["modes"]]
+    plain = [r["modes"] for r in answer["rows"] if (r["basis"], r["precision"]) == ("plain", "double")]
+    assert plain == [base["n_lr"], base["n_c"], base["modes"]]
 
 
 def test_several_seeds_of_a_network_are_averaged_and_shown(wavy):
@@ -126,7 +130,7 @@ def test_no_surrogate_of_modes_beats_the_projection_on_them(wavy):
     answer = compare(wavy, ["position.x", "velocity.y"], [0.005, 0.002])
     on_modes = [r for r in answer["rows"] if r["modes"] is not None]
     assert {r["surrogate"] for r in on_modes} == {name for name in IN_TIME if not SURROGATES[name].raw}
-    assert all(r["ratio_to_floor"] >= 1 - 1e-12 for r in on_modes)
+    assert all(r["ratio_to_floor"] >= 1 - 1e-12 for r in on_modes if r["precision"] == "double")
 
 
 def test_hermite_on_stored_velocities_is_exact_for_cubic_motion_with_modes_and_without(tmp_path):
@@ -187,7 +191,7 @@ def test_what_cannot_be_compared_is_left_out_with_its_reason(tmp_path):
 def test_reading_the_run_in_small_blocks_changes_no_error(wavy, monkeypatch):
     held = compare(wavy, ["position.x"], [0.005, 0.003])
     monkeypatch.setattr(variables, "HELD_BYTES", 0)
-    monkeypatch.setattr(reconstruction, "BLOCK_VALUES", 7 * 42)  # 7 of the 40 rows
+    monkeypatch.setattr(baselines, "BLOCK_VALUES", 7 * 42)  # 7 of the 40 rows
     streamed = compare(wavy, ["position.x"], [0.005, 0.003])
     for one, other in zip(held["rows"], streamed["rows"], strict=True):
         assert (one["surrogate"], one["modes"]) == (other["surrogate"], other["modes"])
@@ -224,7 +228,8 @@ def test_with_a_limit_the_cheapest_row_that_keeps_it_is_chosen(wavy):
     as_fast = [r for r in kept if r["single_seconds"] <= 1.5 * min(r["single_seconds"] for r in kept)]
     assert choice["fastest"]["storage_bytes"] == min(r["storage_bytes"] for r in as_fast)
     assert choice["smallest"]["storage_bytes"] == min(r["storage_bytes"] for r in kept)
-    assert choice["most_accurate"]["rmse"] == min(r["rmse"] for r in answer["rows"])
+    as_true = [r for r in kept if r["rmse"] <= 1.01 * min(r["rmse"] for r in kept)]
+    assert choice["most_accurate"]["storage_bytes"] == min(r["storage_bytes"] for r in as_true)
     assert "an error of at most 0.0004 m (0.2 d) is kept most cheaply by" in choice["sentence"]
 
 
@@ -239,7 +244,7 @@ def test_where_none_keeps_the_limit_the_sentence_says_so_and_names_the_closest(w
 def test_a_limit_in_seconds_names_the_most_accurate_within_it(wavy):
     answer = compare(wavy, ["velocity.x"], [0.004, 0.002], max_seconds=10.0)
     choice = answer["choice"]["velocity.x"]
-    assert choice["most_accurate"]["rmse"] == min(r["rmse"] for r in answer["rows"])
+    assert choice["most_accurate"]["rmse"] <= 1.01 * min(r["rmse"] for r in answer["rows"])
     assert "within at most 10 s per snapshot the most accurate is" in choice["sentence"]
 
 
@@ -260,6 +265,8 @@ def test_a_limit_in_metres_is_not_applied_to_a_velocity(wavy):
         ({"max_error": -1.0}, "max_error is -1 m; it must be a positive number"),
         ({"energy": 1.5}, "energy is 1.5; it must be a share above 0"),
         ({"max_seconds": math.nan}, "max_seconds is nan s"),
+        ({"max_bytes": 0.0}, "max_bytes is 0 B; it must be a positive number"),
+        ({"precisions": ["quarter"]}, "precision 'quarter'"),
         ({"variables": ["velocity.x"], "max_error": 0.1}, "the variables are in m/s; give the limit in one of these"),
         ({"max_error": 0.1, "error_unit": "mm"}, "the limit in one of these, or compare a variable in mm"),
     ],
@@ -280,13 +287,100 @@ def test_a_run_of_two_snapshots_leaves_nothing_to_predict(tmp_path):
 
 
 @pytest.mark.physics
-def test_between_snapshots_of_a_shaken_bed_stored_velocities_beat_every_reduced_model(reference, tmp_path):
+def test_between_snapshots_of_a_shaken_bed_stored_velocities_beat_every_reduced_model_of_positions(reference, tmp_path):
     import_run(reference / "shake.dump.xz", tmp_path / "shake.h5", interval=INTERVAL)
     with Run(tmp_path / "shake.h5") as run:
         answer = compare(run, ["position.x", "position.z"], [0.005, 0.003])
     for variable in ("position.x", "position.z"):
         for interval in (0.005, 0.003):
             rows = [r for r in answer["rows"] if (r["variable"], r["interval"]) == (variable, interval)]
+            # on all modes of both Hermite is the same, but for rounding, and takes more
+            rows = [r for r in rows if r["basis"] != "enriched"]
             assert min(rows, key=lambda r: r["rmse"])["surrogate"] == "raw-hermite"
             # what the models buy is storage: with n_lr modes less than the snapshots and velocities take
             assert min(rows, key=lambda r: r["storage_bytes"])["modes"] is not None
+
+
+def test_every_row_names_its_interval_snapshots_modes_surrogate_basis_and_precision_with_errors_and_costs(wavy):
+    answer = compare(wavy, ["position.x"], [0.004], max_error=1.0)
+    axes = ("interval", "n_snapshots", "modes", "surrogate", "basis", "precision")
+    figures = ("rmse", "rmse_diameters", "storage_bytes", "single_seconds", "batch_seconds", "fit_seconds")
+    assert all(set(axes + figures) <= set(r) for r in answer["rows"])
+    places = [tuple(r[axis] for axis in axes) for r in answer["rows"]]
+    assert len(places) == len(set(places))
+    assert {r["basis"] for r in answer["rows"]} == {"plain", "enriched", None}
+    assert {r["precision"] for r in answer["rows"]} == {"double", "int16", "int8"}
+    assert set(axes) <= set(answer["choice"]["position.x"]["smallest"])
+    assert answer["limits"]["max_bytes"] is None
+
+
+def test_fewer_bits_err_more_and_take_less_whatever_is_kept(wavy):
+    answer = compare(wavy, ["position.x"], [0.004], precisions=["single", "half", "int16", "int8"])
+    ways = {}
+    for r in answer["rows"]:
+        ways.setdefault((r["surrogate"], r["basis"], r["modes"]), {})[r["precision"]] = r
+    for by in ways.values():
+        sizes = [by[name]["storage_bytes"] for name in ("double", "single", "half", "int8")]
+        assert sizes == sorted(sizes, reverse=True)
+        assert by["half"]["storage_bytes"] == by["int16"]["storage_bytes"]
+        # what rounding adds is independent of the error, all but: 2^-24, 2^-11 and half of 1/32767 of a motion that
+        # errs by a hundredth of itself at least
+        assert by["single"]["rmse"] == pytest.approx(by["double"]["rmse"], rel=1e-4)
+        assert by["int16"]["rmse"] == pytest.approx(by["double"]["rmse"], rel=1e-3)
+        assert by["int8"]["rmse"] > 0.99 * by["double"]["rmse"]
+        assert by["int8"]["single_seconds"] == by["double"]["single_seconds"]
+
+
+@pytest.mark.parametrize("precision", ["double", "single", "half", "int16", "int8"])
+def test_the_error_of_rounded_snapshots_is_that_of_interpolating_what_is_read_back(wavy, precision):
+    answer = compare(wavy, ["position.x"], [0.004], ["raw-linear"], precisions=[precision])
+    W, training = wavy.variable("position.x")[:], np.arange(0, 42, 4)
+    unseen = np.setdiff1d(np.arange(41), training)
+    kept = W[:, training]
+    kept = read_back(kept, precision, extent_of([kept]))
+    predicted = np.stack([np.interp(wavy.times[unseen], wavy.times[training], x) for x in kept])
+    expected = np.sqrt(np.square(predicted - W[:, unseen]).mean(axis=0)).mean()
+    assert row(answer, "raw-linear", precision=precision)["rmse"] == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_limit_on_storage_names_the_most_accurate_that_keeps_it_with_basis_and_precision(wavy):
+    answer = compare(wavy, ["position.x"], [0.004, 0.002], max_bytes=2000)
+    kept = [r for r in answer["rows"] if r["storage_bytes"] <= 2000]
+    choice = answer["choice"]["position.x"]
+    assert 0 < len(kept) < len(answer["rows"])
+    assert choice["most_accurate"]["rmse"] <= 1.01 * min(r["rmse"] for r in kept)
+    assert choice["most_accurate"]["storage_bytes"] <= 2000
+    assert "within at most 2 kB to keep the most accurate is" in choice["sentence"]
+    assert PRECISIONS[choice["most_accurate"]["precision"]].text in choice["sentence"]
+    both = (choice["most_accurate"]["basis"] == "enriched") == ("of positions and velocities" in choice["sentence"])
+    assert both
+
+
+def test_where_storage_for_none_is_left_the_smallest_is_named(wavy):
+    answer = compare(wavy, ["position.x"], [0.004], max_bytes=10)
+    choice = answer["choice"]["position.x"]
+    assert not choice["kept"]
+    assert choice["closest"]["storage_bytes"] == min(r["storage_bytes"] for r in answer["rows"])
+    assert "none keeps at most 0.01 kB to keep" in choice["sentence"]
+
+
+@pytest.mark.parametrize(
+    ("text", "size"), [("500kB", 5e5), ("2MB", 2e6), ("1.5 GB", 1.5e9), ("200000", 2e5), ("300 B", 300.0)]
+)
+def test_sizes_are_read_as_they_are_written(text, size):
+    assert parse_bytes(text) == size
+
+
+@pytest.mark.parametrize("text", ["much", "5 apples", "kB", ""])
+def test_what_is_no_size_is_refused(text):
+    with pytest.raises(Refusal, match="not a size"):
+        parse_bytes(text)
+
+
+def test_in_eight_bits_mean_coefficients_and_leading_modes_take_sixteen(wavy):
+    answer = compare(wavy, ["position.x"], [0.004], ["spline"])
+    found = row(answer, "spline", precision="int8")
+    m, n, fine, window = 11, 10, found["finer_modes"], 8 * (11 + 2 + 1)
+    columns = (1 + n) + n  # mean, modes and coefficients, each with its shift and its scale
+    assert found["storage_bytes"] == N * (2 * (1 + fine) + (n - fine)) + 2 * m * n + 16 * columns + window
+    assert row(answer, "spline", precision="int16")["finer_modes"] == 0

@@ -48,16 +48,45 @@ def test_where_nothing_suffices_the_best_is_named_and_an_undefined_index_is_a_da
 
 def test_a_comparison_lists_its_rows_by_error_with_units(capsys):
     row = {"variable": "position.x", "interval": 0.004, "unit": "m", "modes": 5, "rmse_diameters": 0.25}
+    row |= {"basis": "plain", "precision": "single"}
     row |= {"single_seconds": 2e-5, "storage_bytes": 2e6, "ratio_to_floor": 1.2, "on_front": {"single_seconds": True}}
     rows = [row | {"surrogate": name, "rmse": rmse} for name, rmse in (("rbf", 2e-3), ("spline", 1e-3))]
-    bases = [{"variable": "position.x", "interval": 0.004}]
+    bases = [
+        {"variable": "position.x", "interval": 0.004, "basis": basis, "unit": "m"} for basis in ("plain", "enriched")
+    ]
     show_comparison({"bases": bases, "rows": rows, "choice": {"position.x": {"sentence": "Take the spline."}}})
     said = capsys.readouterr().out
-    assert "position.x, Δτ = 0.004 s" in said
+    assert said.count("position.x, Δτ = 0.004 s") == 1
     assert said.index("spline") < said.index("rbf")
     assert "20 µs" in said
     assert "2 MB" in said
     assert said.endswith("Take the spline.\n")
+
+
+def test_of_numbers_kept_in_fewer_bits_only_what_stands_on_a_front_is_listed(capsys):
+    row = {
+        "variable": "position.x",
+        "interval": 0.004,
+        "unit": "m",
+        "modes": None,
+        "rmse_diameters": None,
+        "rmse": 1e-3,
+    }
+    row |= {
+        "single_seconds": 2e-5,
+        "storage_bytes": 2e6,
+        "ratio_to_floor": 1.2,
+        "basis": None,
+        "surrogate": "raw-linear",
+    }
+    kept = [("single", False), ("int16", False), ("int8", True)]
+    rows = [row | {"precision": name, "on_front": {"storage_bytes": on}} for name, on in kept]
+    bases = [{"variable": "position.x", "interval": 0.004, "basis": "plain", "unit": "m"}]
+    show_comparison({"bases": bases, "rows": rows, "choice": {}})
+    said = capsys.readouterr().out
+    assert "single" in said
+    assert "int8" in said
+    assert "int16" not in said
 
 
 def test_facts_stand_one_a_line_and_brackets_are_no_markup(capsys):

@@ -114,3 +114,30 @@ def test_raw_baselines_alone_are_no_model_that_could_win():
     assert (entry["levels"], entry["raw_wins"]) == ([], False)
     assert entry["sentence"] == "position.x, Δτ 3 ms: nothing could be compared."
     assert winners([]) == []
+
+
+def test_only_what_is_kept_in_the_precision_of_the_run_takes_part():
+    rows = [row("rbf", 60, 1.0, precision="single"), row("spline", 60, 1.2, precision="single")]
+    rows += [row("spline", 60, 0.9, precision="int8")]
+    (level,) = only(rows)["levels"]
+    assert (level["winner"], level["next"]) == ("rbf", "spline")
+
+
+def test_modes_of_positions_and_velocities_are_compared_among_themselves():
+    rows = [row("rbf", 60, 1.0, basis="plain"), row("spline", 60, 1.3, basis="plain")]
+    rows += [row("hermite", 60, 0.8, basis="enriched"), row("rbf", 60, 0.9, basis="enriched")]
+    entry = only(rows)
+    assert [level["winner"] for level in entry["levels"]] == ["rbf"]
+    assert [(level["winner"], level["next"]) for level in entry["enriched"]] == [("hermite", "rbf")]
+    assert "on 60 modes of positions and velocities hermite wins, rbf errs 12.5% more" in entry["sentence"]
+
+
+def test_a_baseline_that_a_basis_with_velocities_equals_beats_positions_alone_and_no_more():
+    rows = [row("rbf", 60, 1.0, basis="plain"), row("hermite", 120, 0.8, basis="enriched")]
+    entry = only([*rows, row("raw-hermite", None, 0.8, basis=None)])
+    assert not entry["raw_wins"]
+    assert (
+        "raw-hermite, without a model, errs 20% less than the best of positions alone, rbf on 60 modes, and not less "
+        "than hermite on 120 modes of positions and velocities" in entry["sentence"]
+    )
+    assert only([*rows, row("raw-hermite", None, 0.7, basis=None)])["raw_wins"]

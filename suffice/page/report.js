@@ -5,9 +5,15 @@
   const panels = [...document.querySelectorAll(".panel")];
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
-  function themed(layout, width) {
+  function themed(figure, width) {
     const ink = colour("--ink"), grid = colour("--grid"), card = colour("--card");
     const narrow = width < 600;
+    const layout = figure.layout;
+    if (narrow) {
+      for (const [name, own] of Object.entries(figure.narrow || {})) {
+        layout[name] = typeof own === "object" ? { ...layout[name], ...own } : own;
+      }
+    }
     const out = {
       ...layout, autosize: true, height: layout.height || (narrow ? 470 : 430), paper_bgcolor: card, plot_bgcolor: card,
       font: { color: ink, size: narrow ? 11 : 13, family: getComputedStyle(document.body).fontFamily },
@@ -18,7 +24,8 @@
       hoverlabel: { bgcolor: card, bordercolor: grid, font: { color: ink } },
       dragmode: narrow ? false : "zoom",
     };
-    for (const axis of ["xaxis", "yaxis"]) {
+    const axes = new Set(["xaxis", "yaxis", ...Object.keys(layout).filter((name) => /^[xy]axis/.test(name))]);
+    for (const axis of axes) {
       const own = layout[axis] || {};
       out[axis] = { gridcolor: grid, zerolinecolor: grid, linecolor: grid, automargin: true, ...own };
       if (own.title) out[axis].title = { standoff: 8, ...own.title };
@@ -33,7 +40,7 @@
     if (!figure) return;
     const copy = structuredClone(figure);
     const config = { displaylogo: false, responsive: true, displayModeBar: false, doubleClick: "reset" };
-    Plotly.react(panel, copy.data, themed(copy.layout, panel.clientWidth), config);
+    Plotly.react(panel, copy.data, themed(copy, panel.clientWidth), config);
   }
 
   for (const pick of document.querySelectorAll("select")) {
