@@ -31,16 +31,16 @@ def impact_facts(run: Run) -> dict[str, Any]:
     return {f"impacts.{kind}": _sentence(found) for kind, found in mean_spectra(run).items()}
 
 
-def mean_spectra(run: Run, first: int = 0) -> dict[str, Spectrum]:
-    """Return the spectrum of impacts from snapshot `first` to the last, for pairs and for walls.
+def mean_spectra(run: Run, first: int = 0, last: int | None = None) -> dict[str, Spectrum]:
+    """Return the spectrum of impacts between two snapshots, by default all, for pairs and for walls.
 
     Empty where none is counted, or where there is no time between them.
     """
-    found = run.impacts
-    if found is None or run.n_snapshots < first + 2:
+    found, end = run.impacts, run.n_snapshots - 1 if last is None else last
+    if found is None or end <= first:
         return {}
-    weight = np.diff(run.times[first:]) / (run.times[-1] - run.times[first])
-    mean = np.tensordot(weight, found.rate[first + 1 :], axes=1)
+    weight = np.diff(run.times[first : end + 1]) / (run.times[end] - run.times[first])
+    mean = np.tensordot(weight, found.rate[first + 1 : end + 1], axes=1)
     return {kind: Spectrum(found.energy, rate) for kind, rate in zip(KINDS, mean, strict=True)}
 
 

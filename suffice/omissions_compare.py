@@ -1,9 +1,10 @@
 """What each omission saves and what it costs, beyond the scatter of the scene itself; and the cheapest that is allowed.
 
 Differences are relative: (x − x̄) / |x̄| of a number, rms(x − x̄) / rms(x̄) of a profile with its bins weighed by their
-volume, x̄ the mean over the reference's seeds. The floor of a difference is what a further seed would show,
-s √(1 + 1/n) / |x̄|, s the standard deviation over n seeds. A difference above t floors, t of Student at 95 %, is taken
-for real; one in twenty is so by chance.
+volume, x̄ the mean over the n seeds of the reference. The floor of a difference is what a further seed would show,
+s √(1 + 1/n) / |x̄|. Here s is the standard deviation over seeds, or, where it is larger, that over seeds of a part of
+the time, over the square root of how many parts: few seeds may agree by chance. A difference above t floors, t of
+Student at 95 % with n − 1 degrees of freedom, is taken for real; one in twenty of those that are none is so by chance.
 """
 
 from collections.abc import Mapping, Sequence
@@ -92,15 +93,19 @@ def _known(means: Sequence[Means], first: Outcome, asked: Sequence[str]) -> list
 
 def _centre(parts: Sequence[Average]) -> Average:
     values = np.mean([part.values for part in parts], axis=0)
-    return Average(values, np.mean([part.weights for part in parts], axis=0))
+    return Average(values, np.mean([part.weights for part in parts], axis=0), np.zeros((0, len(values))))
 
 
 def _floor(parts: Sequence[Average]) -> float | None:
     """Relative difference that a further seed would show, s √(1 + 1/n) / |x̄|; None where the mean is zero."""
     centre, n = _centre(parts), len(parts)
     size = _norm(centre.values, centre.weights)
-    spread = np.std([part.values for part in parts], axis=0, ddof=1)
-    return sqrt(1.0 + 1.0 / n) * _norm(spread, centre.weights) / size if size else None
+    spread = _norm(np.std([part.values for part in parts], axis=0, ddof=1), centre.weights)
+    pieces = np.array([part.parts for part in parts])  # (n, parts, k)
+    if pieces.shape[1]:
+        within = np.sqrt(np.var(pieces, axis=0, ddof=1).mean(axis=0) / pieces.shape[1])
+        spread = max(spread, _norm(within, centre.weights))
+    return sqrt(1.0 + 1.0 / n) * spread / size if size else None
 
 
 def _number(value: Average) -> float | None:
@@ -166,7 +171,8 @@ def _over(value: float | None, floor: float | None) -> float | None:
 
 
 def _is_real(value: float | None, floor: float | None, factor: float) -> bool | None:
-    return None if value is None or floor is None else abs(value) > factor * floor
+    """Tell whether a difference is above the noise; None where seeds that all agree, in whole modes, do not tell."""
+    return None if value is None or not floor else abs(value) > factor * floor
 
 
 def _judged(

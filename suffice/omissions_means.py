@@ -4,6 +4,7 @@ Paths of particles cannot: after some ten impacts two runs that differ in round-
 """
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +22,9 @@ from suffice.selecting import thresholds_of
 from suffice.solids import Bins, Profile
 
 Array = NDArray[np.float64]
+Observed = tuple[Array, Array]  # values and weights (k,)
 MOST_OBSERVED = 60  # snapshots of which profiles are made
+PARTS = 4  # of the time that is averaged, whose scatter is looked at
 FEASIBILITY = "feasibility"
 
 MEANINGS: Mapping[str, tuple[str, str]] = {  # observable -> what it is, unit
@@ -62,10 +65,11 @@ RATES = {"dissipation.contacts": "energy.dissipated", "dissipation.slip": "fluid
 
 
 class Average(NamedTuple):
-    """An observable: one number, or a profile with the volume of each of its bins."""
+    """An observable over time: one number, or a profile with the volume of each of its bins."""
 
     values: Array  # (k,)
     weights: Array  # (k,)
+    parts: Array  # (PARTS, k), the same over equal parts of the time; (0, k) where it has no parts
 
 
 class Means(NamedTuple):
@@ -108,22 +112,41 @@ def means_of(run: Run, start_up: float, variable: str, interval: float, like: Me
             f"start_up = {start_up:g} s leaves {max(run.n_snapshots - first, 0)} snapshots of {run.path}; three at "
             "least are averaged: lower it, or lengthen the run"
         )
-    spectra = mean_spectra(run, first)
     feasibility = _feasibility(run, first, variable, interval)
-    profiles, bins = _observed(run, first, None if like is None else like.bins)
-    numbers = _of_series(run, first) | _of_impacts(spectra)
+    found, bins = _observed(run, first, None if like is None else like.bins)
+    found |= _recorded(run, first)
     if feasibility["K_f"] is not None:
-        numbers[FEASIBILITY] = feasibility["K_f"]
-    found = profiles | {name: Average(np.array([value]), np.ones(1)) for name, value in numbers.items()}
+        found[FEASIBILITY] = _one(feasibility["K_f"])
     size = sum(rows.nbytes for rows in run.snapshot(0).values.values())
     window = (float(run.times[first]), float(run.times[-1]))
-    return Means(found, bins, spectra, feasibility, window, size)
+    return Means(found, bins, mean_spectra(run, first), feasibility, window, size)
 
 
-def _of_series(run: Run, first: int) -> dict[str, float]:
-    """Averages of what the run recorded; forces and powers are means over the interval before a snapshot."""
-    series = {name: values[first:] for name, values in run.series.items()}
-    elapsed = float(run.times[-1] - run.times[first])
+def _one(value: float, parts: Sequence[float] = ()) -> Average:
+    return Average(np.array([value]), np.ones(1), np.array(parts, dtype=np.float64).reshape(-1, 1))
+
+
+def _recorded(run: Run, first: int) -> dict[str, Average]:
+    """Averages of what the run recorded as it went: its series, and its impacts."""
+    last = run.n_snapshots - 1
+    ends = np.linspace(first, last, PARTS + 1).round().astype(int).tolist()
+    whole = _between(run, first, last)
+    parts = [_between(run, a, b) for a, b in pairwise(ends)] if last - first >= 2 * PARTS else []
+    without = ("overlap.largest",)  # the largest of a part is not that of the whole
+    return {
+        name: _one(value, [] if name in without else [part[name] for part in parts if name in part])
+        for name, value in whole.items()
+    }
+
+
+def _between(run: Run, first: int, last: int) -> dict[str, float]:
+    return _of_series(run, first, last) | _of_impacts(mean_spectra(run, first, last))
+
+
+def _of_series(run: Run, first: int, last: int) -> dict[str, float]:
+    """Averages between two snapshots; forces and powers are means over the interval before a snapshot."""
+    series = {name: values[first : last + 1] for name, values in run.series.items()}
+    elapsed = float(run.times[last] - run.times[first])
     found = {name: float(series[name].mean()) for name in MEAN_SERIES if name in series}
     found |= {
         name: float(series[whole][-1] - series[whole][0]) / elapsed for name, whole in RATES.items() if whole in series
@@ -162,30 +185,37 @@ def _observed(run: Run, first: int, bins: Mapping[str, Bins] | None) -> tuple[di
     watch = watch_of(run, chosen)
     if bins is not None:
         watch = watch._replace(bins={name: own for name, own in bins.items() if name in watch.bins})
-    seen: dict[str, list[Average]] = {}
+    seen: dict[str, list[Observed]] = {}
     for k in chosen:
         values = {name: np.asarray(rows, np.float64) for name, rows in run.snapshot(k).values.items()}
         found = observe(watch, room_at(watch, float(run.times[k])), values["position"], values.get("velocity"))
         for name, value in found.items():
             if name in MEANINGS or name.startswith("mixing."):
-                seen.setdefault(name, []).append(_average(value))
-    means = {name: _mean(parts) for name, parts in seen.items()}
+                seen.setdefault(name, []).append(_observation(value))
+    means = {name: _average(moments) for name, moments in seen.items()}
     # a mixing index may not be defined at every time
     return {name: mean for name, mean in means.items() if np.isfinite(mean.values).all()}, watch.bins
 
 
-def _average(value: float | Profile) -> Average:
+def _observation(value: float | Profile) -> Observed:
     if isinstance(value, Profile):
-        return Average(np.nan_to_num(1.0 - value.values), value.room)
-    return Average(np.array([value]), np.ones(1))
+        return np.nan_to_num(1.0 - value.values), value.room
+    return np.array([value]), np.ones(1)
 
 
-def _mean(parts: Sequence[Average]) -> Average:
+def _average(moments: Sequence[Observed]) -> Average:
+    split = np.array_split(np.arange(len(moments)), PARTS) if len(moments) >= 2 * PARTS else []
+    parts = [_mean([moments[k] for k in part])[0] for part in split]
+    values, weights = _mean(moments)
+    return Average(values, weights, np.array(parts).reshape(-1, len(values)))
+
+
+def _mean(moments: Sequence[Observed]) -> Observed:
     """Mean over time, each moment of a bin weighed by the room that walls leave in it."""
-    weights = np.array([part.weights for part in parts])
-    summed = (np.array([part.values for part in parts]) * weights).sum(axis=0)
+    weights = np.array([weight for _, weight in moments])
+    summed = (np.array([values for values, _ in moments]) * weights).sum(axis=0)
     whole = weights.sum(axis=0)
-    return Average(np.divide(summed, whole, out=np.zeros_like(summed), where=whole > 0.0), whole / len(parts))
+    return np.divide(summed, whole, out=np.zeros_like(summed), where=whole > 0.0), whole / len(moments)
 
 
 def _feasibility(run: Run, first: int, variable: str, interval: float) -> dict[str, Any]:

@@ -63,12 +63,11 @@ def _table(answer: Mapping[str, Any]) -> str:
     head = "".join(f'<th class="number">{text}</th>' for text in heads[1:])
     head += "".join(f'<th class="number">{"<br>".join(escape(name).split("."))}<br>(%)</th>' for name in asked)
     scene = answer["reference"]
-    first = _cells(
-        [*_cost_cells(scene, 1.0), *["0" for _ in asked], "", "", _chosen(answer["reference"]["feasibility"])]
-    )
+    first = _cells([*_cost_cells(scene, 1.0), *["0" for _ in asked], "", "", _chosen(scene["feasibility"])])
     rows = [f"<tr><td><i>the scene itself</i></td>{first}</tr>", *(_table_row(row, asked) for row in answer["rows"])]
     extra = '<th class="number">error</th><th>keeps it</th><th>Δτ</th>'
-    return f'<div class="scroll"><table class="plain"><tr><th>{heads[0]}</th>{head}{extra}</tr>{"".join(rows)}</table></div>'
+    titles = f"<tr><th>{heads[0]}</th>{head}{extra}</tr>"
+    return f'<div class="scroll"><table class="plain">{titles}{"".join(rows)}</table></div>'
 
 
 def _cells(texts: Sequence[str]) -> str:

@@ -93,7 +93,10 @@ def value_of(means, name):
 
 def outcome(name, numbers, seconds=10.0, left_out="something"):
     """A run whose averages are given: numbers, or profiles as lists."""
-    found = {key: Average(np.atleast_1d(value), np.ones(np.size(value))) for key, value in numbers.items()}
+    found = {
+        key: Average(np.atleast_1d(value), np.ones(np.size(value)), np.zeros((0, np.size(value))))
+        for key, value in numbers.items()
+    }
     cost = COST | {"seconds": seconds, "particle_steps_per_second": 2e5 / seconds, "predicted_seconds": 9.0}
     means = Means(found, {}, {}, {"chosen_interval": 0.003, "K_f": 2.0, "by_interval": {}}, (0.1, 0.4), 4800)
     return Outcome(name, left_out, cost, means)
@@ -112,6 +115,8 @@ def test_averages_of_a_made_up_run_are_those_it_was_made_with(tmp_path):
     assert value_of(means, "overlap.largest") == pytest.approx(0.02)
     assert value_of(means, "impacts.pairs.rate") == pytest.approx(1e3)
     assert value_of(means, "impacts.pairs.power") == pytest.approx(1e3 * 1.26e-7, rel=0.02)
+    assert means.observables["dissipation.contacts"].parts == pytest.approx(np.full((4, 1), 0.5))
+    assert means.observables["overlap.largest"].parts.size == 0
     assert means.window == pytest.approx((0.11, 0.4))
     assert set(means.observables) <= set(MEANINGS)
 
@@ -162,6 +167,18 @@ def test_the_noise_is_what_a_further_packing_would_show():
     assert answer["floors_to_be_real"] == pytest.approx(4.3027, abs=1e-3)
     assert not row["real"]["power.shaft"]
     assert max(answer["scatter_error"]) == pytest.approx(1.5 / 9.5, rel=1e-12)  # 11 against the mean of 9 and 10
+
+
+def test_seeds_that_agree_by_chance_do_not_hide_that_each_quarter_of_the_time_differs():
+    quarters = [[8.0, 12.0, 8.0, 12.0], [12.0, 8.0, 12.0, 8.0]]
+    reference = [
+        Outcome(f"reference {k}", "", COST, own.means._replace(observables={"power.shaft": average}))
+        for k, own in enumerate(three([10.0, 10.0]))
+        for average in [Average(np.array([10.0]), np.ones(1), np.array(quarters[k])[:, None])]
+    ]
+    answer = compare_omissions(reference, [], ["power.shaft"], 0.1)
+    # of each quarter two values 4 apart: s² = 8, of the mean of four quarters 8 / 4
+    assert answer["observables"]["power.shaft"]["floor"] == pytest.approx(sqrt(1.5) * sqrt(2.0) / 10.0, rel=1e-12)
 
 
 def test_differences_of_runs_that_only_scatter_are_taken_for_real_once_in_twenty():
