@@ -10,6 +10,7 @@ from typing import Any
 from plotly.offline import get_plotlyjs
 
 from suffice.beyond_section import beyond_section
+from suffice.omissions_section import omissions_section
 from suffice.plots import (
     consistency_figure,
     error_figure,
@@ -40,7 +41,8 @@ def write_report(results: Results, path: str | Path) -> None:
     results: `study`, `run`, `select` (as `select --json` writes it), `curves` {variable: {Δτ: curves}}, `spectrum`
     {variable: {Δτ: I(p)}}, `convergence` {variable: curves against steps, and `modes`}, `compare` (as
     `compare` answers, with a list of what `compare_beyond` does in `beyond`), `observables` (a list, as
-    `compare_observables` answers), `unseen` (as `compare_unseen`), `stages`, `series` with its `times`, `provenance`;
+    `compare_observables` answers), `unseen` (as `compare_unseen`), `omissions` (as `compare_omissions`), `stages`,
+    `series` with its `times`, `provenance`;
     any may be missing, and its section is left out. Everything shown is escaped; the page loads nothing.
     Raises `Refusal` when the page cannot be written.
     """
@@ -68,6 +70,7 @@ def render(results: Results) -> str:
         tradeoff_section,
         beyond_section,
         unseen_section,
+        omissions_section,
         _ledger,
         _stages,
         _provenance,

@@ -12,7 +12,8 @@ from suffice.refusal import Refusal
 from suffice.run import Run
 from suffice.variables import mean_diameter
 
-RUN, SELECTION, COMPARISON, UNSEEN, LOG = "run.h5", "select.json", "compare.json", "unseen.json", "stages.json"
+RUN, SELECTION, COMPARISON, LOG = "run.h5", "select.json", "compare.json", "stages.json"
+UNSEEN, OMISSIONS = "unseen.json", "omissions.json"  # of studies of several runs
 LEDGER = "energy."
 
 
@@ -35,11 +36,14 @@ def gather(folder: Path, study: str) -> dict[str, Any]:
     Raises Refusal where there is no run at all.
     """
     results: dict[str, Any] = {"study": study}
-    unseen = read_json(folder / UNSEEN)
+    unseen, omissions = read_json(folder / UNSEEN), read_json(folder / OMISSIONS)
+    first = RUN
     if unseen:
-        results["unseen"] = unseen
-    with Run(folder / (Path(unseen["runs"][0]["path"]).name if unseen else RUN)) as run:
-        if not unseen:
+        results["unseen"], first = unseen, Path(unseen["runs"][0]["path"]).name
+    elif omissions:
+        results["omissions"], first = omissions, Path(omissions["runs"][0]).name
+    with Run(folder / first) as run:
+        if first == RUN:
             results |= _of_one_run(run)
         results["provenance"] = {**run.provenance, **_here()}
     selection, comparison, log = (read_json(folder / name) for name in (SELECTION, COMPARISON, LOG))

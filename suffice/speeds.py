@@ -1,8 +1,5 @@
 """Runs of one scene at several rotor speeds, some of them unseen."""
 
-import json
-import tomllib
-from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -10,9 +7,9 @@ from typing import Any
 from pydantic import Field, model_validator
 
 from sim import parse_scene
+from suffice.changes import changed_text
 from suffice.door import write_json
 from suffice.progress import Reporter
-from suffice.refusal import Refusal
 from suffice.results import UNSEEN
 from suffice.rotor import rotor_of
 from suffice.run import Run
@@ -76,35 +73,10 @@ def scene_at(text: str, source: str, rpm: float, speeds: Speeds) -> str:
 
     Raises Refusal where the scene has not one rotor, or a change names no place in it.
     """
-    tables = tomllib.loads(text)
     scene = parse_scene(text, source)
     rotor = rotor_of(scene, source)._replace(rpm=rpm)
     place = next(k for k, wall in enumerate(scene.walls) if wall.name == rotor.name)
     interval = rotor.period / (speeds.bins * speeds.snapshots_per_bin)
     intervals = round((speeds.start_up + speeds.turns) * rotor.turn / interval)
     ours = {f"walls.{place}.motion.rpm": rpm, "time.duration": intervals * interval, "output.interval": interval}
-    for where, value in {**speeds.changes, **ours}.items():
-        _change_(tables, where, value, source)
-    head = f"# {source} at {rpm:g} rpm\n"
-    return head + "".join(f"{key} = {toml_value(value)}\n" for key, value in tables.items())
-
-
-def _change_(tables: Any, where: str, value: Any, source: str) -> None:
-    """Set one value of a scene's tables, at a place such as `walls.1.motion.rpm`."""
-    *path, last = where.split(".")
-    node = tables
-    try:
-        for key in path:
-            node = node[int(key) if isinstance(node, list) else key]
-        node[int(last) if isinstance(node, list) else last] = value
-    except (LookupError, ValueError, TypeError):
-        raise Refusal(f"changes: {where} is no place in scene {source}; `suffice scenes` shows its tables") from None
-
-
-def toml_value(value: Any) -> str:
-    """Write a value as TOML on one line: tables inline, numbers so that they read back the same."""
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{json.dumps(key)} = {toml_value(inner)}" for key, inner in value.items()) + " }"
-    if isinstance(value, list):
-        return f"[{', '.join(map(toml_value, value))}]"
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str | bool) else repr(value)
+    return changed_text(text, source, {**speeds.changes, **ours}, head=f"{source} at {rpm:g} rpm")

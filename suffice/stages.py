@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict
 
 from sim import Scene, built_in_scenes, scene_text
 from suffice.checkpoint import checkpoint_path
+from suffice.door import write_json
 from suffice.progress import Reporter
 from suffice.refusal import Refusal
 from suffice.run import Run
@@ -36,10 +37,18 @@ def scene_in(scene: str, home: Path) -> str:
 
 
 def simulation_stage(
-    name: str, text: str, scene: str, seed: int | None, run: Path, home: Path, reporter: Reporter
+    name: str,
+    text: str,
+    scene: str,
+    seed: int | None,
+    run: Path,
+    home: Path,
+    reporter: Reporter,
+    cost_file: Path | None = None,
 ) -> Stage:
     """Return the stage that runs a scene of this text into a file, or goes on where it stopped.
 
+    cost_file: where what the run cost is kept as JSON, as `simulate_to` says it; default nowhere.
     Raises InputError or Refusal for a scene that cannot be used.
     """
     beside = (home / scene).parent
@@ -48,12 +57,15 @@ def simulation_stage(
     def make() -> str:
         unfinished = checkpoint_path(run).exists() and _made_of(run, text, setting)
         cost = simulate_to(text, scene, run, reporter, seed=seed, resume=unfinished, home=beside)
+        if cost_file is not None:
+            write_json(cost, str(cost_file))
         speed = cost["particle_steps_per_second"] / 1e6
         return f"{cost['n_particles']} particles, {cost['steps']} steps, {speed:.1f} million particle-steps/s"
 
     start = read_start(setting)
     stamp = {} if start is None else {"start_digest": start_digest(start)}
-    return Stage(name, setting.model_dump() | stamp, (run,), make)
+    outputs = (run,) if cost_file is None else (run, cost_file)
+    return Stage(name, setting.model_dump() | stamp, outputs, make)
 
 
 def _made_of(run: Path, text: str, scene: Scene) -> bool:

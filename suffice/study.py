@@ -19,6 +19,7 @@ from pydantic import Field, ValidationError, model_validator
 from suffice.comparing import Comparing, compare_as_wished
 from suffice.door import write_json
 from suffice.lock import only_writer
+from suffice.omissions import Omissions, omission_stages
 from suffice.progress import Reporter
 from suffice.readers import import_run
 from suffice.refusal import Refusal
@@ -56,11 +57,15 @@ class Study(Settings):
     select: Selecting = Selecting()
     compare: Comparing = Comparing()
     unseen: Speeds | None = Field(default=None, description="instead of one run, several rotor speeds, some unseen")
+    omissions: Omissions | None = Field(default=None, description="instead of one run, variants with less physics")
 
     @model_validator(mode="after")
     def _one_origin(self) -> "Study":
         if (self.scene is None) == (self.source is None):
             raise ValueError("give either a scene or a table [source]")
+        others = {"select", "compare", "unseen"} & self.model_fields_set
+        if self.omissions is not None and (self.scene is None or others):
+            raise ValueError("[omissions] runs variants of a scene; give it a scene, and no other question beside it")
         if self.unseen is not None and (self.scene is None or {"select", "compare"} & self.model_fields_set):
             raise ValueError("[unseen] runs a scene at several speeds; give it a scene, and no [select] or [compare]")
         return self
@@ -150,6 +155,9 @@ def stages_of(name: str, study: Study, home: Path, folder: Path, reporter: Repor
     study.compare.check()
     if study.unseen is not None and study.scene is not None:
         return [*speed_stages(study.unseen, study.scene, study.seed, home, folder, reporter), _reporting(name, folder)]
+    if study.omissions is not None and study.scene is not None:
+        variants = omission_stages(study.omissions, study.scene, study.seed, home, folder, reporter)
+        return [*variants, _reporting(name, folder)]
     if study.scene is None:
         first = _reading(study, home, folder, reporter)
     else:

@@ -6,12 +6,13 @@ import tomllib
 import pytest
 
 from sim import parse_scene, scene_text
+from suffice.changes import toml_value
 from suffice.progress import Reporter
 from suffice.refusal import Refusal
 from suffice.report import render
 from suffice.rotor import rotor_of
 from suffice.run import Run
-from suffice.speeds import Speeds, scene_at, toml_value
+from suffice.speeds import Speeds, scene_at
 from suffice.study import built_in_studies, load_study, run_study
 
 STUDY = """scene = "mini_mill"

@@ -1,0 +1,226 @@
+"""Section of the report: what each omission saves, and what it costs in observables."""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from math import sqrt
+from typing import Any
+
+from suffice.plots import COLOURS, QUIET, Figure, ticks
+from suffice.section import Section
+from suffice.wording import bytes_text, escape, number, seconds_text
+
+Row = Mapping[str, Any]
+FRONT, TERMS, SPECTRUM = "front", "terms", "spectrum"
+SHOWN = {FRONT: "error against cost", TERMS: "seconds by term", SPECTRUM: "impacts by energy"}
+PER_DECADE = 5  # bins of the spectrum of impacts in a decade of energy
+
+
+def omissions_section(results: Mapping[str, Any]) -> Section | None:
+    """Show cost and differences of every variant of a scene, the front of both, and what is chosen.
+
+    results["omissions"]: as `compare_omissions` answers.
+    """
+    answer = results.get("omissions")
+    if not answer:
+        return None
+    asked, scatter = answer["asked"], answer["scatter_error"]
+    window = " to ".join(f"{time:g}" for time in answer["window"])
+    text = (
+        f"Means over {window} s against those of {len(scatter)} runs of the scene itself with other packings. "
+        "<i>Error</i>: the largest difference of the observables asked for, "
+        f"{escape(', '.join(asked))}. Bold: more than those packings explain "
+        f"({number(answer['floors_to_be_real'])} standard deviations of a further one); other differences are noise. "
+        f"The scatter of the scene itself alone makes errors of {_percent(min(scatter))} to {_percent(max(scatter))}."
+    )
+    body = (
+        f'<ul class="verdicts"><li>{escape(str(answer["choice"]["sentence"]))}</li></ul>'
+        f'<p class="quiet">{text}</p>{_table(answer)}'
+    )
+    figures = {FRONT: front_figure(answer), TERMS: terms_figure(answer)}
+    if answer["spectra"]:
+        figures[SPECTRUM] = spectrum_figure(answer["spectra"], len(scatter))
+    below = f"<details><summary>Every observable, and what was left out</summary>{_observables(answer)}</details>"
+    return Section("Physics left out", body, figures, {"shown": {key: SHOWN[key] for key in figures}}, below)
+
+
+def _percent(share: Any) -> str:
+    return "–" if share is None else f"{number(100 * share, 2)} %"
+
+
+def _signed(row: Row, name: str) -> str:
+    """Write a difference in %, with a sign where it has one, bold where it is real."""
+    value = row["differences"].get(name)
+    if value is None:
+        return "–"
+    profile = name.startswith("void_fraction")
+    text = f"{100 * value:.2g}" if profile else f"{100 * value:+.2g}"
+    return f"<b>{text}</b>" if row["real"].get(name) else text
+
+
+def _table(answer: Mapping[str, Any]) -> str:
+    asked: Sequence[str] = answer["asked"]
+    heads = ("variant", "seconds", "of the<br>scene", "foreseen", "Mio particle-<br>steps/s", "a snapshot")
+    head = "".join(f'<th class="number">{text}</th>' for text in heads[1:])
+    head += "".join(f'<th class="number">{"<br>".join(escape(name).split("."))}<br>(%)</th>' for name in asked)
+    scene = answer["reference"]
+    first = _cells([*_cost_cells(scene, 1.0), *["0" for _ in asked], "", "", _chosen(scene["feasibility"])])
+    rows = [f"<tr><td><i>the scene itself</i></td>{first}</tr>", *(_table_row(row, asked) for row in answer["rows"])]
+    extra = '<th class="number">error</th><th>keeps it</th><th>Δτ</th>'
+    titles = f"<tr><th>{heads[0]}</th>{head}{extra}</tr>"
+    return f'<div class="scroll"><table class="plain">{titles}{"".join(rows)}</table></div>'
+
+
+def _cells(texts: Sequence[str]) -> str:
+    return "".join(f'<td class="number">{text}</td>' for text in texts)
+
+
+def _cost_cells(cost: Row, relative: float) -> list[str]:
+    return [
+        seconds_text(cost["seconds"]),
+        number(relative, 2),
+        seconds_text(cost.get("predicted_seconds")),
+        number(cost["particle_steps_per_second"] / 1e6, 2),
+        bytes_text(cost["bytes_per_snapshot"]),
+    ]
+
+
+def _table_row(row: Row, asked: Sequence[str]) -> str:
+    name = f'<td title="{escape(str(row["left_out"]))}">{escape(str(row["variant"]))}</td>'
+    if row["refused"] is not None:
+        return f'<tr>{name}<td colspan="{8 + len(asked)}">refused, see below</td></tr>'
+    keeps = _pill(row)
+    differences = [_signed(row, key) for key in asked]
+    cells = [*_cost_cells(row, row["relative_cost"]), *differences, _percent(row["error"]), keeps]
+    return f"<tr>{name}{_cells([*cells, _chosen([row['feasibility']])])}</tr>"
+
+
+def _pill(row: Row) -> str:
+    """Say whether a row keeps the limit, and whether that is sure."""
+    text = ("yes" if row["keeps"] else "no") if row["certain"] else "perhaps" if row["keeps"] else "perhaps not"
+    style = "undecidable" if not row["certain"] else "sufficient" if row["keeps"] else "insufficient"
+    return f'<span class="pill {style}">{text}</span>'
+
+
+def _chosen(found: Sequence[Mapping[str, Any]]) -> str:
+    """Largest Δτ that suffices by the paper's rule, of each run."""
+    intervals = dict.fromkeys(one["chosen_interval"] for one in found)
+    return " or ".join("none" if interval is None else seconds_text(interval) for interval in intervals)
+
+
+def front_figure(answer: Mapping[str, Any]) -> Figure:
+    """Error against cost relative to the scene itself, the Pareto front as a line, the scene's own scatter dashed."""
+    rows = [row for row in answer["rows"] if row.get("error") is not None]
+    front = sorted((row for row in rows if row["on_front"]), key=lambda row: float(row["relative_cost"]))
+    line = {"color": QUIET, "width": 1.5, "shape": "hv"}
+    xs, ys = [row["relative_cost"] for row in front], [100 * row["error"] for row in front]
+    scatter = 100 * max(answer["scatter_error"])
+    data: list[Figure] = [
+        {"type": "scatter", "mode": "lines", "name": "front", "x": xs, "y": ys, "line": line, "hoverinfo": "skip"}
+    ]
+    for i, row in enumerate(rows):
+        data.append(
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "name": escape(str(row["variant"])),
+                "x": [row["relative_cost"]],
+                "y": [100 * row["error"]],
+                "marker": {"size": 10, "color": COLOURS[i % len(COLOURS)], "symbol": i // len(COLOURS)},
+                "hovertemplate": f"<b>{escape(str(row['variant']))}</b><br>{escape(str(row['left_out']))}<br>"
+                f"{number(row['relative_cost'])} of the cost, {number(100 * row['error'])} % in "
+                f"{escape(str(row['error_in']))}<extra></extra>",
+            }
+        )
+    levels = ((scatter, "dash"), (100 * answer["max_difference"], "dot"))
+    layout: Figure = {
+        "xaxis": {"title": {"text": "cost / cost of the scene itself"}, "type": "log"},
+        "yaxis": {"title": {"text": "largest difference (%); dashed: scatter, dotted: limit"}, "type": "log"},
+        "hovermode": "closest",
+        "shapes": [_level(y, dash) for y, dash in levels],
+    }
+    layout["xaxis"] |= ticks([*(row["relative_cost"] for row in rows), 1.0])
+    layout["yaxis"] |= ticks([*(100 * row["error"] for row in rows), scatter])
+    return {"data": data, "layout": layout}
+
+
+def _level(y: float, dash: str) -> Figure:
+    line = {"color": QUIET, "width": 1.5, "dash": dash}
+    return {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": y, "y1": y, "line": line}
+
+
+def terms_figure(answer: Mapping[str, Any]) -> Figure:
+    """Seconds of each run by term, stacked; the scene itself at the top."""
+    costs = [("the scene itself", answer["reference"])]
+    costs += [(str(row["variant"]), row) for row in answer["rows"] if row["refused"] is None]
+    terms = dict.fromkeys(term for _, cost in costs for term in cost["seconds_of"])
+    data = [
+        {
+            "type": "bar",
+            "orientation": "h",
+            "name": term,
+            "y": [escape(name) for name, _ in costs],
+            "x": [cost["seconds_of"].get(term, 0.0) for _, cost in costs],
+            "marker": {"color": COLOURS[i % len(COLOURS)]},
+            "hovertemplate": f"%{{y}}: {term} %{{x:.3g}} s<extra></extra>",
+        }
+        for i, term in enumerate(terms)
+    ]
+    layout = {
+        "xaxis": {"title": {"text": "wall time (s)"}, "type": "linear"},
+        "yaxis": {"autorange": "reversed", "type": "category"},
+        "barmode": "stack",
+        "hovermode": "closest",
+        "height": 150 + 30 * len(costs),
+    }
+    return {"data": data, "layout": layout}
+
+
+def spectrum_figure(spectra: Mapping[str, Any], seeds: int) -> Figure:
+    """Power of the impacts of pairs in each decade of their energy; runs of the scene itself in grey."""
+    edges = spectra["energy"]
+    middles = [sqrt(a * b) for a, b in pairwise(edges)]
+    runs = spectra["runs"]
+    used = [k for k in range(len(middles)) if any(power[k] > 0.0 for power in runs.values())]
+    data = []
+    for i, (name, power) in enumerate(runs.items()):
+        own = i < seeds
+        line = {"color": QUIET, "width": 4} if own else {"color": COLOURS[(i - seeds) % len(COLOURS)], "width": 1.8}
+        line |= {} if own or i - seeds < len(COLOURS) else {"dash": "dash"}
+        data.append(
+            {
+                "type": "scatter",
+                "mode": "lines",
+                "name": "the scene itself" if own else escape(name),
+                "showlegend": i == 0 or not own,
+                "legendgroup": "scene" if own else name,
+                "x": [middles[k] for k in used],
+                "y": [PER_DECADE * power[k] for k in used],
+                "line": line,
+            }
+        )
+    layout = {
+        "xaxis": {"title": {"text": "energy of an impact (J)"}, "type": "log", "exponentformat": "power"},
+        "yaxis": {"title": {"text": "power of impacts (W per decade)"}, "type": "linear"},
+        "hovermode": "closest",
+    }
+    return {"data": data, "layout": layout}
+
+
+def _observables(answer: Mapping[str, Any]) -> str:
+    """Tabulate every observable: the scene's own value and scatter, differences of every variant in %."""
+    rows = [row for row in answer["rows"] if row["refused"] is None]
+    head = "".join(f'<th class="number">{escape(str(row["variant"]))}</th>' for row in rows)
+    body = ""
+    for name, what in answer["observables"].items():
+        unit = "" if what["unit"] == "1" else f" {what['unit']}"
+        own = "profile" if what["mean"] is None else f"{number(what['mean'])}{unit}"
+        cells = _cells([own, _percent(what["floor"]), *(_signed(row, name) for row in rows)])
+        body += f'<tr><td title="{escape(what["text"])}">{escape(name)}</td>{cells}</tr>'
+    title = '<th class="number">the scene itself</th><th class="number">noise</th>'
+    table = f'<table class="plain"><tr><th>difference (%)</th>{title}{head}</tr>{body}</table>'
+    return f'<div class="scroll">{table}</div><ul>{"".join(_said(row) for row in answer["rows"])}</ul>'
+
+
+def _said(row: Row) -> str:
+    refused = "" if row["refused"] is None else f"; refused: {row['refused']}"
+    return f"<li><b>{escape(str(row['variant']))}</b>: {escape(str(row['left_out']) + refused)}</li>"
