@@ -86,6 +86,11 @@ def simulate(
     explain: Annotated[bool, typer.Option("--explain", help="say what it would do and cost, and run nothing")] = False,
     engine: Annotated[str, typer.Option(help="numba, ours, or lammps: dry scenes, over MPI")] = "numba",
     ranks: Annotated[int | None, typer.Option(help="processes of --engine lammps; default 1")] = None,
+    until_sufficient: Annotated[
+        bool,
+        typer.Option("--until-sufficient", help="end when some Δτ suffices for every --variable"),
+    ] = False,
+    variables: Variables = None,
     json: Json = None,
 ) -> None:
     """Run a scene: a high-fidelity run with progress, speed, energy and overlap."""
@@ -93,8 +98,10 @@ def simulate(
     from suffice.engine import check_options, simulate_on_lammps
     from suffice.refusal import Refusal
     from suffice.simulating import changed_scene, simulate_to, use_threads
-    from suffice.tables import show_facts
+    from suffice.tables import show_facts, show_found
+    from suffice.watching import wished
 
+    watching = wished(until_sufficient, variables, engine)
     if explain:
         from suffice.explain import explain as explain_scene
         from suffice.explain import explanation_text
@@ -111,9 +118,10 @@ def simulate(
     if engine == "lammps":
         answer = simulate_on_lammps(text, *place, until=until, seed=seed, ranks=ranks or 1)
     else:
-        answer = simulate_to(text, *place, until=until, seed=seed, threads=threads, resume=resume)
+        answer = simulate_to(text, *place, until=until, seed=seed, threads=threads, resume=resume, watching=watching)
     if tell(answer, json):
-        show_facts(str(output), answer)
+        show_facts(str(output), {name: value for name, value in answer.items() if name != "in_situ"})
+        show_found(answer)
 
 
 @app.command("import")

@@ -16,6 +16,7 @@ SERIES = "suffice/series"  # diagnostics over time, (steps,) each
 IMPACT_ENERGY = "suffice/impacts/energy"  # edges of the bins, (bins + 1,) J; absent where impacts are not counted
 IMPACT_RATE = "suffice/impacts/rate"  # (steps, 2, bins) 1/s since the snapshot before, of pairs and with walls
 PROVENANCE = "suffice/provenance"  # what made the run, one text each
+FOUND = "suffice/in_situ/found"  # what watching found, JSON as plain text, empty until the run has ended
 VERTICES = "suffice/vertices"  # 0 … n, connectivity and offsets of one vertex per particle, for the views
 ID, RADIUS, SPECIES = "particles/id", "particles/radius", "particles/species"  # once per run, (n,)
 ORIGIN, SPACING = "fluid/origin", "fluid/spacing"  # of the grid, (3,) m

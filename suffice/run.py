@@ -1,5 +1,6 @@
 """A run as it is read back: times, particles, snapshots, and the rows of each variable."""
 
+import json
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -103,6 +104,15 @@ class Run:
         with _refusing_damage(self.path):
             texts = {name: self._dataset(f"{layout.PROVENANCE}/{name}")[()] for name in self._names(layout.PROVENANCE)}
             return {name: bytes(text).decode(errors="replace") for name, text in texts.items()}
+
+    @cached_property
+    def found(self) -> dict[str, Any]:
+        """What `simulate --until-sufficient` found, as its --json writes it; empty of other and of unfinished runs."""
+        with _refusing_damage(self.path):
+            if layout.hard_node(self._file, layout.FOUND) is None:
+                return {}
+            text = bytes(self._dataset(layout.FOUND)[()]).decode()
+            return dict(json.loads(text)) if text else {}
 
     def variable(self, name: str) -> Variable:
         """Return a variable, `position.x` or the whole vector `position`, as rows of the snapshot matrix W.

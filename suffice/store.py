@@ -9,7 +9,7 @@ import shutil
 import time as clock
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
+from types import EllipsisType, TracebackType
 from typing import Any, Literal, Self
 
 import h5py
@@ -131,6 +131,10 @@ class RunWriter:
         if not self._beside and clock.monotonic() >= self._next_view:
             self._write_views()
 
+    def put(self, name: str, values: ArrayLike, at: int | EllipsisType = ...) -> None:
+        """Write into a dataset that was reserved; on the disk with the next snapshot, or when the run is closed."""
+        self._file[name][at] = values
+
     def close(self) -> None:
         """Finish the run: what was appended stays, and the views show all of it."""
         if self._file:
@@ -160,13 +164,13 @@ class RunWriter:
     ) -> None:
         suffice = self._file.create_group("suffice")
         self._file[layout.PLAN], self._file[layout.COUNTER] = np.int64(layout.VERSION), np.int64(0)
-        self._reserve(layout.TIME, self._times.shape, self._times.dtype)
+        self.reserve(layout.TIME, self._times.shape, self._times.dtype)
         suffice.create_group("series")
         for diagnostic in series:
-            self._reserve(f"{layout.SERIES}/{diagnostic}", self._times.shape, self._times.dtype)
+            self.reserve(f"{layout.SERIES}/{diagnostic}", self._times.shape, self._times.dtype)
         if self._bins is not None:
             self._file[layout.IMPACT_ENERGY] = self._bins
-            self._reserve(layout.IMPACT_RATE, (len(self._times), 2, len(self._bins) - 1), self._times.dtype)
+            self.reserve(layout.IMPACT_RATE, (len(self._times), 2, len(self._bins) - 1), self._times.dtype)
         suffice.create_group("provenance")
         for what, text in provenance.items():
             self._file[f"{layout.PROVENANCE}/{what}"] = np.bytes_(text.encode())
@@ -179,10 +183,10 @@ class RunWriter:
                 np.array(self._grid.spacing),
             )
         for name, shape in shapes.items():
-            self._reserve(QUANTITIES[name].dataset, shape, dtype)
+            self.reserve(QUANTITIES[name].dataset, shape, dtype)
 
-    def _reserve(self, name: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
-        """Allocate a contiguous dataset now: one that grows, or comes late, is lost when the writer is killed."""
+    def reserve(self, name: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
+        """Allocate a contiguous dataset before the first snapshot: one that grows, or comes late, is lost by a kill."""
         plan = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
         plan.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
         plan.set_fill_time(h5py.h5d.FILL_TIME_NEVER)

@@ -13,15 +13,28 @@ MARKS = {"sufficient": "green", "insufficient": "red", "undecidable": "yellow"}
 
 def show_selection(answer: Mapping[str, Any]) -> None:
     """Print K_f per variable and Δτ, coloured by verdict, and the Δτ chosen for each variable."""
-    console = Console()
-    variables = answer["variables"]
+    console, variables = Console(), answer["variables"]
+    console.print(_indices(variables))
+    for name, found in variables.items():
+        console.print(f"{name}: {_chosen(found)}", highlight=False)
+
+
+def _indices(variables: Mapping[str, Any]) -> Table:
+    """Tabulate K_f per variable and Δτ, coloured by verdict."""
     intervals = [c["interval"] for c in next(iter(variables.values()))["candidates"]]
     table = Table("Δτ (s)", *(f"{interval:g}" for interval in intervals), title="K_f = n_c / n_lr", padding=(0, 0))
     for name, found in variables.items():
         table.add_row(name, *(f"[{MARKS[c['verdict']]}]{number(c['K_f'])}[/]" for c in found["candidates"]))
-    console.print(table)
-    for name, found in variables.items():
-        console.print(f"{name}: {_chosen(found)}", highlight=False)
+    return table
+
+
+def show_found(answer: Mapping[str, Any]) -> None:
+    """Print what `simulate --until-sufficient` found, if it was asked: K_f per Δτ, when the run ended and why."""
+    console, found = Console(), answer.get("in_situ")
+    if found:
+        console.print(_indices(found["variables"]))
+        for sentence in found["sentences"]:
+            console.print(sentence, highlight=False, markup=False, soft_wrap=True)
 
 
 def _chosen(found: Mapping[str, Any]) -> str:
