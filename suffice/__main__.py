@@ -91,6 +91,9 @@ def simulate(
         typer.Option("--until-sufficient", help="end when some Δτ suffices for every --variable"),
     ] = False,
     variables: Variables = None,
+    keep_error: Annotated[
+        str | None, typer.Option(help="keep only snapshots between which this error holds, such as 0.02d")
+    ] = None,
     json: Json = None,
 ) -> None:
     """Run a scene: a high-fidelity run with progress, speed, energy and overlap."""
@@ -98,10 +101,10 @@ def simulate(
     from suffice.engine import check_options, simulate_on_lammps
     from suffice.refusal import Refusal
     from suffice.simulating import changed_scene, simulate_to, use_threads
-    from suffice.tables import show_facts, show_found
+    from suffice.tables import show_facts_and_found
     from suffice.watching import wished
 
-    watching = wished(until_sufficient, variables, engine)
+    watching = wished(until_sufficient, variables, keep_error, engine)
     if explain:
         from suffice.explain import explain as explain_scene
         from suffice.explain import explanation_text
@@ -120,8 +123,7 @@ def simulate(
     else:
         answer = simulate_to(text, *place, until=until, seed=seed, threads=threads, resume=resume, watching=watching)
     if tell(answer, json):
-        show_facts(str(output), {name: value for name, value in answer.items() if name != "in_situ"})
-        show_found(answer)
+        show_facts_and_found(str(output), answer)
 
 
 @app.command("import")
@@ -167,14 +169,14 @@ def info(
     from suffice.model import read_model_card
     from suffice.results import facts_of
     from suffice.run import Run
-    from suffice.tables import show_facts
+    from suffice.tables import show_facts_and_found
 
     answer = read_model_card(file) if file.is_dir() else read_card(file)
     if answer is None:
         with Run(file) as run:
-            answer = {**facts_of(run), "series": sorted(run.series), **impact_facts(run), **run.provenance}
+            answer = {**facts_of(run), "series": sorted(run.series), **impact_facts(run), **run.provenance, **run.found}
     if tell(answer, json):
-        show_facts(str(file), answer)
+        show_facts_and_found(str(file), answer)
 
 
 @app.command()

@@ -107,12 +107,16 @@ class Run:
 
     @cached_property
     def found(self) -> dict[str, Any]:
-        """What `simulate --until-sufficient` found, as its --json writes it; empty of other and of unfinished runs."""
+        """What `simulate` found on the way, as its --json writes it: `in_situ`, `kept`; empty until a run has ended."""
         with _refusing_damage(self.path):
             if layout.hard_node(self._file, layout.FOUND) is None:
                 return {}
             text = bytes(self._dataset(layout.FOUND)[()]).decode()
             return dict(json.loads(text)) if text else {}
+
+    def watched(self, name: str) -> Any:
+        """Return a dataset of what was watched in a thinned run, by its name in `layout`. Raises `Refusal` for none."""
+        return self._dataset(name)
 
     def variable(self, name: str) -> Variable:
         """Return a variable, `position.x` or the whole vector `position`, as rows of the snapshot matrix W.

@@ -10,6 +10,7 @@ from selection import Sweep, Thresholds, dense_interval, sweep
 from suffice.progress import Advance
 from suffice.refusal import Refusal
 from suffice.run import Run
+from suffice.uneven import unfit
 
 FLUID_ENERGY = 0.99
 
@@ -84,7 +85,7 @@ def select_run(
                 SnapshotMatrix(rows, ranks=ranks), run.times, intervals, thresholds_of(name, thresholds)
             )
         except UnfitIntervals as error:
-            raise Refusal(f"{run.path}: {error}") from None
+            raise unfit(run, error) from None
     if progress:
         progress(len(names), len(names))
     return table

@@ -22,6 +22,7 @@ from suffice.recording import Recorder, values_of
 from suffice.refusal import Refusal
 from suffice.starting import read_start
 from suffice.store import Run, RunWriter, check_place
+from suffice.thinning import finest_halving
 from suffice.watching import UNWATCHED, Watching, grid_of_file
 
 SECONDS_BETWEEN_CHECKPOINTS = 20.0
@@ -83,12 +84,13 @@ def _simulate(
     stands, found = _what_stands(path, text, scene, watching) if resume else (0, {})
     began = time.monotonic()
     simulation = simulation_of(scene, read_start(scene))
-    if found or (state is None and stands == simulation.snapshots):
+    if found or (watching == UNWATCHED and state is None and stands == simulation.snapshots):
         return _cost(path, simulation, 0, time.monotonic() - began) | found
     if state is None:
         record = _new_record(path, text, simulation, watching)
     else:
-        record = Recorder.resume(simulation, path, watching.by(simulation, _names_in(path)), state)
+        watch, tolerance = watching.by(simulation, _names_in(path)), watching.tolerance(simulation)
+        record = Recorder.resume(simulation, path, watch, tolerance, state)
     first = simulation.step
     with record.writer:
         _run(record, path, reporter)
@@ -144,7 +146,8 @@ def _names_in(path: Path) -> tuple[str, ...]:
 def _new_record(path: Path, text: str, simulation: AnyRun, watching: Watching) -> Recorder:
     first = simulation.snapshot()
     names = list(values_of(first))
-    watch = watching.by(simulation, names)
+    watch, tolerance = watching.by(simulation, names), watching.tolerance(simulation)
+    finest = 0 if tolerance is None else finest_halving(simulation.steps_per_snapshot)
     order = simulation.particles.id.argsort()
     remove_checkpoint(path)
     writer = RunWriter(
@@ -152,7 +155,7 @@ def _new_record(path: Path, text: str, simulation: AnyRun, watching: Watching) -
         ids=simulation.particles.id[order],
         radius=simulation.particles.radius[order],
         species=simulation.particles.species[order],
-        n_snapshots=simulation.snapshots,
+        n_snapshots=((simulation.snapshots - 1) << finest) + 1,
         variables=names,
         grid=grid_of_file(simulation.scene),
         precision=simulation.scene.output.precision,
@@ -160,7 +163,7 @@ def _new_record(path: Path, text: str, simulation: AnyRun, watching: Watching) -
         impact_energy=None if first.impacts is None else impact_energy_edges(),
         provenance=provenance_of(text, simulation.scene) | watching.provenance(),
     )
-    record = Recorder(simulation, writer, watch)
+    record = Recorder(simulation, writer, watch, tolerance)
     record.reserve()
     record.record(simulation.snapshot())
     return record

@@ -75,7 +75,7 @@ class RunWriter:
         self._file = _create(self._part)
         try:
             self._allocate(shapes, DTYPES[precision], series, provenance)
-            self._sync()
+            self.sync()
             if not beside:
                 self._publish()
         except BaseException:
@@ -125,7 +125,7 @@ class RunWriter:
             self._file[f"{layout.SERIES}/{diagnostic}"][k] = value
         self._file[layout.TIME][k] = self._times[k] = time
         if not self._beside:  # nobody sees a file written beside before it is whole
-            self._sync()
+            self.sync()
         self._file[layout.COUNTER][()] = self.n_complete = k + 1
         self._file.flush()
         if not self._beside and clock.monotonic() >= self._next_view:
@@ -135,10 +135,15 @@ class RunWriter:
         """Write into a dataset that was reserved; on the disk with the next snapshot, or when the run is closed."""
         self._file[name][at] = values
 
+    def sync(self) -> None:
+        """Bring all that was written to the disk."""
+        self._file.flush()
+        os.fsync(self._file.id.get_vfd_handle())
+
     def close(self) -> None:
         """Finish the run: what was appended stays, and the views show all of it."""
         if self._file:
-            self._sync()
+            self.sync()
             self._file.close()
             if self._beside:
                 self._publish()
@@ -207,10 +212,6 @@ class RunWriter:
             shape = layout.shape_of(quantity, 1, self._n, self._grid)[1 if quantity.of_fluid else 0 :]
             if np.shape(values[name]) != shape:
                 raise ValueError(f"{name} has shape {np.shape(values[name])}, not {shape}")
-
-    def _sync(self) -> None:
-        self._file.flush()
-        os.fsync(self._file.id.get_vfd_handle())
 
     def _publish(self) -> None:
         remove_views(self.path)

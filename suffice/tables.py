@@ -8,6 +8,7 @@ from rich.table import Table
 
 from suffice.wording import bytes_text, number, seconds_text
 
+FOUND = ("in_situ", "kept")  # parts of an answer on a simulation that are told in sentences
 MARKS = {"sufficient": "green", "insufficient": "red", "undecidable": "yellow"}
 
 
@@ -28,13 +29,25 @@ def _indices(variables: Mapping[str, Any]) -> Table:
     return table
 
 
-def show_found(answer: Mapping[str, Any]) -> None:
-    """Print what `simulate --until-sufficient` found, if it was asked: K_f per Δτ, when the run ended and why."""
-    console, found = Console(), answer.get("in_situ")
+def show_facts_and_found(title: str, answer: Mapping[str, Any]) -> None:
+    """Print facts, and what a simulation was asked to find: K_f per Δτ, when and why it ended, what it kept."""
+    show_facts(title, {name: value for name, value in answer.items() if name not in FOUND})
+    console, found, kept = Console(), answer.get("in_situ"), answer.get("kept")
     if found:
         console.print(_indices(found["variables"]))
-        for sentence in found["sentences"]:
-            console.print(sentence, highlight=False, markup=False, soft_wrap=True)
+    for sentence in [*(found["sentences"] if found else []), *([kept_sentence(kept)] if kept else [])]:
+        console.print(sentence, highlight=False, markup=False, soft_wrap=True)
+
+
+def kept_sentence(kept: Mapping[str, Any]) -> str:
+    """Say how a run was thinned."""
+    between = f"{seconds_text(kept['shortest_interval'])} to {seconds_text(kept['longest_interval'])} apart"
+    unchecked = kept["unchecked_intervals"]
+    doubt = f"; between {unchecked} pairs of them nothing was looked at" if unchecked else ""
+    return (
+        f"kept {kept['kept']} snapshots, {between}, for {kept['seen']} output times: interpolated positions are within "
+        f"{kept['tolerance']:.3g} m (RMSE) wherever the run was looked at{doubt}"
+    )
 
 
 def _chosen(found: Mapping[str, Any]) -> str:

@@ -2,18 +2,21 @@
 
 import json
 from contextlib import contextmanager
+from itertools import pairwise
 
 import h5py
 import numpy as np
 import pytest
 
 from selection.settled import checks
+from selection.spacing import Moment, hermite_errors
 from suffice import in_situ, simulating
 from suffice.checkpoint import checkpoint_path
 from suffice.progress import Reporter
 from suffice.run import Run
 from suffice.selecting import select_run
 from suffice.simulating import simulate_to
+from suffice.thinning import FINEST
 from suffice.watching import Watching
 
 WATER = """
@@ -70,21 +73,20 @@ def assert_same(one, other):
         assert np.asarray(values).tobytes() == np.asarray(other[name]).tobytes(), name
 
 
-def run_of(folder, text, variables=WATCHED, reporter=None, **options):
+def run_of(folder, text, variables=WATCHED, reporter=None, keep=None, **options):
     folder.mkdir(exist_ok=True)
-    path = folder / "run.h5"
-    return path, simulate_to(
-        text, "scene.toml", path, reporter or Reporter(as_json=True), threads=1, watching=Watching(variables), **options
-    )
+    path, reporter = folder / "run.h5", reporter or Reporter(as_json=True)
+    watching = Watching(variables, keep)
+    return path, simulate_to(text, "scene.toml", path, reporter, threads=1, watching=watching, **options)
 
 
-def killed_and_resumed(folder, text, at, monkeypatch, variables=WATCHED):
+def killed_and_resumed(folder, text, at, monkeypatch, variables=WATCHED, keep=None):
     monkeypatch.setattr(simulating, "SECONDS_BETWEEN_CHECKPOINTS", 0.0)
     for k in at:
         with pytest.raises(RuntimeError, match="killed"):
-            run_of(folder, text, variables, Killer(k), resume=k != at[0])
+            run_of(folder, text, variables, Killer(k), keep, resume=k != at[0])
         assert checkpoint_path(folder / "run.h5").exists()
-    return run_of(folder, text, variables, resume=True)
+    return run_of(folder, text, variables, keep=keep, resume=True)
 
 
 def assert_as_offline(path, answer):
@@ -191,6 +193,9 @@ def test_snapshots_that_do_not_fit_into_memory_are_refused_at_once(beads, tmp_pa
         (("--until-sufficient",), "such as --variable position.x"),
         (("--until-sufficient", "--variable", "position.q"), "it has position.x, position.y"),
         (("--until-sufficient", "--variable", "position", "--engine", "lammps"), "use --engine numba"),
+        (("--keep-error", "0.02d", "--engine", "lammps"), "use --engine numba"),
+        (("--keep-error", "-1d"), "give diameters such as 0.02d"),
+        (("--keep-error", "0.02 kg"), "give diameters such as 0.02d"),
     ],
 )
 def test_wishes_that_cannot_be_met_are_refused(beads, tmp_path, suffice, options, says):
@@ -207,3 +212,86 @@ def test_a_run_cannot_be_resumed_with_other_wishes(beads, tmp_path, suffice):
     code, _, err = suffice("simulate", tmp_path / "scene.toml", "-o", path, "--resume")
     assert code == 2
     assert "was made with another" in err
+
+
+def test_a_thinned_run_keeps_few_snapshots_of_the_whole_one_and_its_verdict(beads, tmp_path):
+    text, keep = smooth(beads), (0.02, "d")
+    whole, dense = run_of(tmp_path / "whole", text, ("position.z",))
+    thin, answer = run_of(tmp_path / "thin", text, ("position.z",), keep=keep)
+    assert answer["in_situ"] == dense["in_situ"]
+    assert answer["kept"]["unchecked_intervals"] == 0
+    with Run(whole) as run, Run(thin) as some:
+        assert some.n_snapshots == answer["kept"]["kept"] < run.n_snapshots / 5
+        at = np.searchsorted(run.times, some.times - 1e-9)
+        for one, other in zip(map(some.snapshot, range(some.n_snapshots)), map(run.snapshot, at), strict=True):
+            assert one.time == other.time
+            assert_same(dict(one.values), dict(other.values))
+        assert_interpolated_within(2e-3 * 0.02, run, [run.snapshot(k) for k in range(run.n_snapshots)], some)
+        gram = some.watched("suffice/in_situ/products/position.z")[()]
+        motion = np.asarray(run.variable("position.z")[:], float)
+        motion -= motion[:, :1]
+        np.testing.assert_allclose(gram, motion.T @ motion, rtol=0.0, atol=1e-13 * gram.max())
+        # forces are means since the snapshot before, so that nothing of what they gave is lost
+        for name in ("force.box.z", "power.box"):
+            given = [float((r.series[name][1:] * np.diff(r.times)).sum()) for r in (run, some)]
+            assert given[0] == pytest.approx(given[1], rel=1e-9)
+            assert given[0] != 0.0
+    assert thin.stat().st_size < 0.4 * whole.stat().st_size
+
+
+def moment(s):
+    return Moment(s.time, *(np.asarray(s.values[name], float) for name in ("position", "velocity")))
+
+
+def assert_interpolated_within(tolerance, run, snapshots, some):
+    """Every snapshot lies within the tolerance (m, RMSE) of the interpolant through those that were kept."""
+    kept = [some.snapshot(k) for k in range(some.n_snapshots)]
+    for one, other in pairwise(kept):
+        ends = [
+            Moment(s.time, *(np.asarray(s.values[v], float) for v in ("position", "velocity"))) for s in (one, other)
+        ]
+        between = [s for s in snapshots if one.time < s.time < other.time]
+        if between:
+            rows = np.stack([np.asarray(s.values["position"], float) for s in between])
+            assert hermite_errors(*ends, np.array([s.time for s in between]), rows).max() <= tolerance
+    assert len(snapshots) == run.n_snapshots
+
+
+def test_a_run_whose_interval_is_too_coarse_is_kept_more_often(beads, tmp_path):
+    text = beads.replace("count = 12", "count = 40").replace("interval = 0.001", "interval = 0.002")
+    whole, _ = run_of(tmp_path / "whole", text, ())
+    thin, answer = run_of(tmp_path / "thin", text, (), keep=(0.002, "d"))
+    with Run(whole) as run, Run(thin) as some:
+        assert some.n_snapshots > run.n_snapshots
+        assert answer["kept"]["shortest_interval"] == pytest.approx(0.002 / 2**FINEST, rel=0.02)  # whole steps
+        last = [r.snapshot(r.n_snapshots - 1) for r in (run, some)]
+        assert last[0].time == last[1].time
+        # a dry simulation is not disturbed by who looks at it
+        assert_same(dict(last[0].values), dict(last[1].values))
+
+
+def test_a_thinned_run_killed_and_resumed_ends_bitwise_like_one_that_was_not(scene, tmp_path, monkeypatch):
+    keep = (0.002, "d")
+    path, answer = run_of(tmp_path / "whole", scene, keep=keep)
+    broken, again = killed_and_resumed(tmp_path / "broken", scene, (3, 24, 25, 50), monkeypatch, keep=keep)
+    assert_same(content(broken), content(path))
+    assert (again["in_situ"], again["kept"]) == (answer["in_situ"], answer["kept"])
+    assert not [p for p in broken.parent.iterdir() if p.suffix in (".part", ".checkpoint")]
+
+
+def test_who_needs_even_times_refuses_a_thinned_run_and_says_what_is_known(beads, tmp_path, suffice):
+    path, answer = run_of(tmp_path, smooth(beads), ("position.z",), keep=(0.02, "d"))
+    chosen = 1e6 * answer["in_situ"]["variables"]["position.z"]["chosen_interval"]
+    for command in (("select",), ("compare",), ("train", "--variable", "position", "--interval", "1e-3",
+                    "--surrogate", "rbf", "-o", tmp_path / "model")):  # fmt: skip
+        code, _, err = suffice(command[0], path, *command[1:])
+        assert code == 2
+        assert f"judged at {answer['n_snapshots'] and answer['in_situ']['n_snapshots']} even times" in err
+        assert f"position.z {chosen:g} µs" in err
+    code, out, _ = suffice("info", path, "--json", "-")
+    assert code == 0
+    told = json.loads(out)
+    assert told["in_situ"] == json.loads(json.dumps(answer["in_situ"]))
+    assert told["kept"] == answer["kept"]
+    code, out, _ = suffice("decompose", path, "--variable", "position", "-o", tmp_path / "basis.h5", "--json", "-")
+    assert (code, json.loads(out)["interval"]) == (0, None)
