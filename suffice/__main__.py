@@ -110,7 +110,7 @@ def simulate(
         from suffice.explain import explanation_text
 
         use_threads(threads)
-        told = explain_scene(changed_scene(scene_text(scene), scene, until, seed))
+        told = explain_scene(changed_scene(scene_text(scene), scene, until, seed), watching)
         if tell(told, json):
             print(explanation_text(scene, told))
         return

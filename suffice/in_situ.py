@@ -67,7 +67,8 @@ class InSitu:
 
     def __init__(self, variables: Mapping[str, Rows], most: int, dtype: DTypeLike) -> None:
         sizes = {name: GrowingSnapshots.bytes_needed(r.rows, most, dtype, GROUPS) for name, r in variables.items()}
-        check_memory(sum(sizes.values()), most)
+        self.bytes_needed = sum(sizes.values())
+        check_memory(self.bytes_needed, most)
         self.variables, self.most, self.checks = dict(variables), most, checks(most)
         self.times: list[float] = []
         self.snapshots = {
