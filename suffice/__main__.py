@@ -86,6 +86,14 @@ def simulate(
     explain: Annotated[bool, typer.Option("--explain", help="say what it would do and cost, and run nothing")] = False,
     engine: Annotated[str, typer.Option(help="numba, ours, or lammps: dry scenes, over MPI")] = "numba",
     ranks: Annotated[int | None, typer.Option(help="processes of --engine lammps; default 1")] = None,
+    until_sufficient: Annotated[
+        bool,
+        typer.Option("--until-sufficient", help="end when some Δτ suffices for every --variable"),
+    ] = False,
+    variables: Variables = None,
+    keep_error: Annotated[
+        str | None, typer.Option(help="keep only snapshots between which this error holds, such as 0.02d")
+    ] = None,
     json: Json = None,
 ) -> None:
     """Run a scene: a high-fidelity run with progress, speed, energy and overlap."""
@@ -93,14 +101,16 @@ def simulate(
     from suffice.engine import check_options, simulate_on_lammps
     from suffice.refusal import Refusal
     from suffice.simulating import changed_scene, simulate_to, use_threads
-    from suffice.tables import show_facts
+    from suffice.tables import show_facts_and_found
+    from suffice.watching import wished
 
+    watching = wished(until_sufficient, variables, keep_error, engine)
     if explain:
         from suffice.explain import explain as explain_scene
         from suffice.explain import explanation_text
 
         use_threads(threads)
-        told = explain_scene(changed_scene(scene_text(scene), scene, until, seed))
+        told = explain_scene(changed_scene(scene_text(scene), scene, until, seed), watching)
         if tell(told, json):
             print(explanation_text(scene, told))
         return
@@ -111,9 +121,9 @@ def simulate(
     if engine == "lammps":
         answer = simulate_on_lammps(text, *place, until=until, seed=seed, ranks=ranks or 1)
     else:
-        answer = simulate_to(text, *place, until=until, seed=seed, threads=threads, resume=resume)
+        answer = simulate_to(text, *place, until=until, seed=seed, threads=threads, resume=resume, watching=watching)
     if tell(answer, json):
-        show_facts(str(output), answer)
+        show_facts_and_found(str(output), answer)
 
 
 @app.command("import")
@@ -159,14 +169,14 @@ def info(
     from suffice.model import read_model_card
     from suffice.results import facts_of
     from suffice.run import Run
-    from suffice.tables import show_facts
+    from suffice.tables import show_facts_and_found
 
     answer = read_model_card(file) if file.is_dir() else read_card(file)
     if answer is None:
         with Run(file) as run:
-            answer = {**facts_of(run), "series": sorted(run.series), **impact_facts(run), **run.provenance}
+            answer = {**facts_of(run), "series": sorted(run.series), **impact_facts(run), **run.provenance, **run.found}
     if tell(answer, json):
-        show_facts(str(file), answer)
+        show_facts_and_found(str(file), answer)
 
 
 @app.command()

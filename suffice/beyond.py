@@ -14,6 +14,7 @@ from suffice.foresight import first_above, foretold
 from suffice.horizon import Ahead, Array, Future, Reduced, ahead_of_modes, ahead_of_snapshots, floors, reduce_past
 from suffice.refusal import Refusal
 from suffice.run import Run
+from suffice.uneven import unfit
 from suffice.variables import default_variables, held, held_rates, mean_diameter
 from surrogates import SURROGATES
 from surrogates import InputError as UnfitSeries
@@ -129,7 +130,7 @@ def cut_at(run: Run, interval: float, share: float) -> tuple[np.ndarray[Any, np.
     try:
         (subset,) = candidates(run.times, [interval])
     except UnfitIntervals as error:
-        raise Refusal(f"{run.path}: {error}") from None
+        raise unfit(run, error) from None
     kept = subset.training
     trained = round(share * len(kept))
     if trained < FEWEST or trained >= len(kept):

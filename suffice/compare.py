@@ -15,6 +15,7 @@ from suffice.precision import precisions_from
 from suffice.reconstruction import Case
 from suffice.refusal import Refusal
 from suffice.run import Run
+from suffice.uneven import unfit
 from suffice.variables import default_variables, held, held_rates, mean_diameter
 from suffice.winners import winners
 from surrogates import SURROGATES
@@ -145,7 +146,7 @@ def _subsets(run: Run, intervals: Sequence[float] | None) -> list[Subset]:
     try:
         subsets = candidates(run.times, intervals)
     except UnfitIntervals as error:
-        raise Refusal(f"{run.path}: {error}") from None
+        raise unfit(run, error) from None
     for subset in subsets:
         if len(subset.testing) == len(subset.training):
             raise Refusal(

@@ -15,6 +15,7 @@ from suffice.basis_file import card_of, check_place, read_card, read_gram, write
 from suffice.refusal import Refusal
 from suffice.report import write_report
 from suffice.run import Run
+from suffice.uneven import unfit
 
 
 class Wanted(NamedTuple):
@@ -47,7 +48,7 @@ def decompose_run(source: Path, output: Path, wanted: Wanted, ranks: Ranks = ALO
             "run": str(source),
             "variable": wanted.variable,
             "unit": rows.unit,
-            "interval": float(run.times[used[1]] - run.times[used[0]]) if len(used) > 1 else None,
+            "interval": None if run.interval is None else run.interval * int(used[1] - used[0]),
             "n_snapshots": len(used),
             "n_rows": rows.shape[0],
             "ranks": ranks.size,
@@ -84,7 +85,7 @@ def _snapshots(run: Run, interval: float | None) -> NDArray[np.intp]:
     try:
         step = 1 if interval is None else stride(interval, dense_interval(run.times), run.n_snapshots)
     except UnfitIntervals as error:
-        raise Refusal(f"{run.path}: {error}") from None
+        raise unfit(run, error) from None
     return np.arange(0, run.n_snapshots, step)
 
 

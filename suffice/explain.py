@@ -13,17 +13,20 @@ from sim.simulation import Simulation
 from sim.timestep import time_limits
 from suffice import layout
 from suffice.quantities import QUANTITIES
+from suffice.recording import values_of
 from suffice.refusal import Refusal
 from suffice.starting import read_start
 from suffice.store import DTYPES
+from suffice.thinning import finest_halving
+from suffice.watching import UNWATCHED, Watching
 from suffice.wording import bytes_text, number, seconds_text
 
 
-def explain(scene: Scene) -> dict[str, Any]:
+def explain(scene: Scene, watching: Watching = UNWATCHED) -> dict[str, Any]:
     """Return, in plain types, what a scene is made of, what it costs and what is advised; nothing is written.
 
-    The cost is measured over the first steps. Raises InputError or Refusal for a scene that cannot start, and
-    LimitError where a limit is violated in those steps.
+    The cost is measured over the first steps; of watching the memory is told. Raises InputError or Refusal for a scene
+    that cannot start, and LimitError where a limit is violated in those steps.
     """
     run = simulation_of(scene, read_start(scene))
     if not isinstance(run, Simulation):
@@ -35,6 +38,13 @@ def explain(scene: Scene) -> dict[str, Any]:
         "terms": [],
         "left_out": _left_out(scene),
     }
+    watch, tolerance = watching.by(run, list(values_of(run.snapshot()))), watching.tolerance(run)
+    if watch is not None:
+        found = {"variables": list(watch.variables), "checks": watch.checks, "memory_bytes": watch.bytes_needed}
+        answer["watching"] = found
+    if tolerance is not None:
+        times = 1 << finest_halving(run.steps_per_snapshot)
+        answer["keeping"] = {"tolerance": tolerance, "finest_interval": scene.output.interval / times, "room": times}
     memory = memory_of(run)
     cost = step_cost(run)
     return answer | {"terms": _terms(scene, memory, cost), "cost": _cost(run, cost)}
@@ -158,7 +168,21 @@ def _cost(run: Simulation, cost: StepCost) -> dict[str, Any]:
 def explanation_text(name: str, answer: dict[str, Any]) -> str:
     """Return the explanation as lines of at most 100 columns."""
     lines = [name, *_about_particles(answer["particles"]), *_about_terms(answer), *_about_step(answer["time_step"])]
-    return "\n".join([*lines, *_about_impact(answer["impact"]), *_about_cost(answer["cost"])])
+    lines += [*_about_impact(answer["impact"]), *_about_cost(answer["cost"])]
+    return "\n".join([*lines, *_about_watching(answer)])
+
+
+def _about_watching(answer: dict[str, Any]) -> list[str]:
+    lines = []
+    if found := answer.get("watching"):
+        asked = f"judged {len(found['checks'])} times at most, from {found['checks'][0]} snapshots on"
+        held = f"{bytes_text(found['memory_bytes'])} more memory"
+        lines.append(f"  {'watching':<10} {', '.join(found['variables'])}: {asked}; {held}")
+    if found := answer.get("keeping"):
+        looked = f"looked at every {seconds_text(found['finest_interval'])} where needed"
+        room = f"the file has room for {found['room']} times its snapshots until it is whole"
+        lines.append(f"  {'keeping':<10} within {number(found['tolerance'])} m, {looked}; {room}")
+    return lines
 
 
 def _about_particles(found: dict[str, Any]) -> list[str]:

@@ -1,5 +1,6 @@
 """A run as it is read back: times, particles, snapshots, and the rows of each variable."""
 
+import json
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -103,6 +104,19 @@ class Run:
         with _refusing_damage(self.path):
             texts = {name: self._dataset(f"{layout.PROVENANCE}/{name}")[()] for name in self._names(layout.PROVENANCE)}
             return {name: bytes(text).decode(errors="replace") for name, text in texts.items()}
+
+    @cached_property
+    def found(self) -> dict[str, Any]:
+        """What `simulate` found on the way, as its --json writes it: `in_situ`, `kept`; empty until a run has ended."""
+        with _refusing_damage(self.path):
+            if layout.hard_node(self._file, layout.FOUND) is None:
+                return {}
+            text = bytes(self._dataset(layout.FOUND)[()]).decode()
+            return dict(json.loads(text)) if text else {}
+
+    def watched(self, name: str) -> Any:
+        """Return a dataset of what was watched in a thinned run, by its name in `layout`. Raises `Refusal` for none."""
+        return self._dataset(name)
 
     def variable(self, name: str) -> Variable:
         """Return a variable, `position.x` or the whole vector `position`, as rows of the snapshot matrix W.

@@ -17,6 +17,7 @@ from suffice.progress import Advance
 from suffice.refusal import Refusal
 from suffice.run import Run
 from suffice.variables import mean_diameter
+from suffice.uneven import unfit
 
 FLUID_ENERGY = 0.99
 
@@ -95,7 +96,7 @@ def select_run(
             if progress:
                 progress(len(found), len(names))
     except UnfitIntervals as error:
-        raise Refusal(f"{run.path}: {error}") from None
+        raise unfit(run, error) from None
     return {name: found[name] for name in names}
 
 

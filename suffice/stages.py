@@ -10,9 +10,10 @@ from sim import Scene, built_in_scenes, scene_text
 from suffice.checkpoint import checkpoint_path
 from suffice.door import write_json
 from suffice.progress import Reporter
+from suffice.provenance import made_otherwise
 from suffice.refusal import Refusal
 from suffice.run import Run
-from suffice.simulating import changed_scene, made_otherwise, simulate_to
+from suffice.simulating import changed_scene, simulate_to
 from suffice.starting import read_start, start_digest
 
 

@@ -9,7 +9,7 @@ import shutil
 import time as clock
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
+from types import EllipsisType, TracebackType
 from typing import Any, Literal, Self
 
 import h5py
@@ -75,7 +75,7 @@ class RunWriter:
         self._file = _create(self._part)
         try:
             self._allocate(shapes, DTYPES[precision], series, provenance)
-            self._sync()
+            self.sync()
             if not beside:
                 self._publish()
         except BaseException:
@@ -125,16 +125,25 @@ class RunWriter:
             self._file[f"{layout.SERIES}/{diagnostic}"][k] = value
         self._file[layout.TIME][k] = self._times[k] = time
         if not self._beside:  # nobody sees a file written beside before it is whole
-            self._sync()
+            self.sync()
         self._file[layout.COUNTER][()] = self.n_complete = k + 1
         self._file.flush()
         if not self._beside and clock.monotonic() >= self._next_view:
             self._write_views()
 
+    def put(self, name: str, values: ArrayLike, at: int | EllipsisType = ...) -> None:
+        """Write into a dataset that was reserved; on the disk with the next snapshot, or when the run is closed."""
+        self._file[name][at] = values
+
+    def sync(self) -> None:
+        """Bring all that was written to the disk."""
+        self._file.flush()
+        os.fsync(self._file.id.get_vfd_handle())
+
     def close(self) -> None:
         """Finish the run: what was appended stays, and the views show all of it."""
         if self._file:
-            self._sync()
+            self.sync()
             self._file.close()
             if self._beside:
                 self._publish()
@@ -160,13 +169,13 @@ class RunWriter:
     ) -> None:
         suffice = self._file.create_group("suffice")
         self._file[layout.PLAN], self._file[layout.COUNTER] = np.int64(layout.VERSION), np.int64(0)
-        self._reserve(layout.TIME, self._times.shape, self._times.dtype)
+        self.reserve(layout.TIME, self._times.shape, self._times.dtype)
         suffice.create_group("series")
         for diagnostic in series:
-            self._reserve(f"{layout.SERIES}/{diagnostic}", self._times.shape, self._times.dtype)
+            self.reserve(f"{layout.SERIES}/{diagnostic}", self._times.shape, self._times.dtype)
         if self._bins is not None:
             self._file[layout.IMPACT_ENERGY] = self._bins
-            self._reserve(layout.IMPACT_RATE, (len(self._times), 2, len(self._bins) - 1), self._times.dtype)
+            self.reserve(layout.IMPACT_RATE, (len(self._times), 2, len(self._bins) - 1), self._times.dtype)
         suffice.create_group("provenance")
         for what, text in provenance.items():
             self._file[f"{layout.PROVENANCE}/{what}"] = np.bytes_(text.encode())
@@ -179,10 +188,10 @@ class RunWriter:
                 np.array(self._grid.spacing),
             )
         for name, shape in shapes.items():
-            self._reserve(QUANTITIES[name].dataset, shape, dtype)
+            self.reserve(QUANTITIES[name].dataset, shape, dtype)
 
-    def _reserve(self, name: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
-        """Allocate a contiguous dataset now: one that grows, or comes late, is lost when the writer is killed."""
+    def reserve(self, name: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
+        """Allocate a contiguous dataset before the first snapshot: one that grows, or comes late, is lost by a kill."""
         plan = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
         plan.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
         plan.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
@@ -203,10 +212,6 @@ class RunWriter:
             shape = layout.shape_of(quantity, 1, self._n, self._grid)[1 if quantity.of_fluid else 0 :]
             if np.shape(values[name]) != shape:
                 raise ValueError(f"{name} has shape {np.shape(values[name])}, not {shape}")
-
-    def _sync(self) -> None:
-        self._file.flush()
-        os.fsync(self._file.id.get_vfd_handle())
 
     def _publish(self) -> None:
         remove_views(self.path)

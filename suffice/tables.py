@@ -9,18 +9,31 @@ from rich.table import Table
 from suffice.wording import bytes_text, errors_text, number, seconds_text
 
 ENRICHED = "+ v: modes of positions and velocities; bold: no other choice beats it in error and cost"
+FOUND = ("in_situ", "kept")  # parts of an answer on a simulation that are told in sentences
 MARKS = {"sufficient": "green", "insufficient": "red", "undecidable": "yellow"}
 
 
 def show_selection(answer: Mapping[str, Any]) -> None:
     """Print K_f per variable and Δτ, coloured by verdict, what is left at unseen times, and the Δτ chosen for each."""
-    console = Console()
-    variables = answer["variables"]
+    console, variables = Console(), answer["variables"]
+    console.print(_indices(variables))
+    console.print(_errors(variables))
+    for name, found in variables.items():
+        console.print(f"{name}: {_chosen(found)}", highlight=False, soft_wrap=True)
+
+
+def _indices(variables: Mapping[str, Any]) -> Table:
+    """Tabulate K_f per variable and Δτ, coloured by verdict."""
     intervals = [c["interval"] for c in next(iter(variables.values()))["candidates"]]
     table = Table("Δτ (s)", *(f"{interval:g}" for interval in intervals), title="K_f = n_c / n_lr", padding=(0, 0))
     for name, found in variables.items():
         table.add_row(name, *(f"[{MARKS[c['verdict']]}]{number(c['K_f'])}[/]" for c in found["candidates"]))
-    console.print(table)
+    return table
+
+
+def _errors(variables: Mapping[str, Any]) -> Table:
+    """Tabulate the errors of n_lr and of n_c modes at unseen times, in diameters where these are known."""
+    intervals = [c["interval"] for c in next(iter(variables.values()))["candidates"]]
     left = "error of n_lr modes and of n_c modes at unseen times"
     table = Table("Δτ (s)", *(f"{interval:g}" for interval in intervals), title=left, padding=(0, 0))
     for name, found in variables.items():
@@ -29,9 +42,28 @@ def show_selection(answer: Mapping[str, Any]) -> None:
         cells = ["\n".join(number(c[key], 2) for key in keys) for c in found["candidates"]]
         unit = "diameters" if in_diameters else found["unit"]
         table.add_row(name if unit == "1" else f"{name}\nin {unit}", *cells)
-    console.print(table)
-    for name, found in variables.items():
-        console.print(f"{name}: {_chosen(found)}", highlight=False, soft_wrap=True)
+    return table
+
+
+def show_facts_and_found(title: str, answer: Mapping[str, Any]) -> None:
+    """Print facts, and what a simulation was asked to find: K_f per Δτ, when and why it ended, what it kept."""
+    show_facts(title, {name: value for name, value in answer.items() if name not in FOUND})
+    console, found, kept = Console(), answer.get("in_situ"), answer.get("kept")
+    if found:
+        console.print(_indices(found["variables"]))
+    for sentence in [*(found["sentences"] if found else []), *([kept_sentence(kept)] if kept else [])]:
+        console.print(sentence, highlight=False, markup=False, soft_wrap=True)
+
+
+def kept_sentence(kept: Mapping[str, Any]) -> str:
+    """Say how a run was thinned."""
+    between = f"{seconds_text(kept['shortest_interval'])} to {seconds_text(kept['longest_interval'])} apart"
+    unchecked = kept["unchecked_intervals"]
+    doubt = f"; between {unchecked} pairs of them nothing was looked at" if unchecked else ""
+    return (
+        f"kept {kept['kept']} snapshots, {between}, for {kept['seen']} output times: interpolated positions are within "
+        f"{kept['tolerance']:.3g} m (RMSE) wherever the run was looked at{doubt}"
+    )
 
 
 def _chosen(found: Mapping[str, Any]) -> str:

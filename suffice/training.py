@@ -16,6 +16,7 @@ from suffice.progress import Reporter
 from suffice.reconstruction import Case, Reduced, consistent_level, projection_errors, reduce, training_remark
 from suffice.refusal import Refusal
 from suffice.run import Run
+from suffice.uneven import unfit
 from suffice.variables import held, held_rates, mean_diameter
 from surrogates import SURROGATES, Network, Surrogate
 
@@ -70,7 +71,7 @@ def _subset(run: Run, interval: float) -> Subset:
     try:
         (subset,) = candidates(run.times, [interval])
     except UnfitIntervals as error:
-        raise Refusal(f"{run.path}: {error}") from None
+        raise unfit(run, error) from None
     return subset
 
 

@@ -27,6 +27,7 @@ from suffice.reconstruction import Case, Reduced, reduce
 from suffice.refusal import Refusal
 from suffice.run import Run
 from suffice.solids import Profile
+from suffice.uneven import unfit
 from suffice.variables import columns_of, held, mean_diameter
 from suffice.wording import finite
 from surrogates import SURROGATES, Surrogate
@@ -152,7 +153,7 @@ def _split(run: Run, interval: float) -> tuple[NDArray[np.intp], NDArray[np.intp
     try:
         (subset,) = candidates(run.times, [interval])
     except UnfitIntervals as error:
-        raise Refusal(f"{run.path}: {error}") from None
+        raise unfit(run, error) from None
     unseen = np.setdiff1d(subset.testing, subset.training)
     if not len(unseen):
         raise Refusal(

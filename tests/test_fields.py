@@ -10,8 +10,9 @@ from suffice.progress import Reporter
 from suffice.quantities import Grid
 from suffice.refusal import Refusal
 from suffice.run import Run
-from suffice.simulating import grid_of_file, simulate_to
+from suffice.simulating import simulate_to
 from suffice.store import RunWriter
+from suffice.watching import grid_of_file
 
 
 @pytest.fixture

@@ -16,10 +16,11 @@ from suffice.engine.lammps import Program, find_lammps, run_deck, version_of
 from suffice.engine.observed import SERIES, series_of
 from suffice.lock import only_writer
 from suffice.progress import Reporter
+from suffice.provenance import provenance_of
 from suffice.readers.dump import Dump
 from suffice.readers.trajectory import Frame, followed
 from suffice.refusal import Refusal
-from suffice.simulating import changed_scene, provenance_of
+from suffice.simulating import changed_scene
 from suffice.store import RunWriter, check_place
 
 ENGINES = ("numba", "lammps")

@@ -1,0 +1,169 @@
+"""What becomes of the moments of a run: its file keeps all or some of them, and whoever watches sees them."""
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim import AnyRun
+from sim.checkpoint import restore_, state_of
+from sim.state import Snapshot
+from suffice import layout
+from suffice.in_situ import InSitu
+from suffice.refusal import Refusal
+from suffice.run import Run
+from suffice.store import DTYPES, RunWriter
+from suffice.thinning import Thinning, compact, finest_halving
+
+TEXT_BYTES = 2**14  # per variable, of what is found: nine candidates with their reasons take a quarter of it
+
+
+def values_of(snapshot: Snapshot) -> dict[str, NDArray[Any]]:
+    """Return what a run stores of a moment, by the names of its variables."""
+    values = {}
+    if len(snapshot.position):
+        values = {name: getattr(snapshot, name) for name in ("position", "velocity", "angular_velocity")}
+    if snapshot.fluid is not None:
+        values |= {f"fluid.{name}": rows for name, rows in snapshot.fluid._asdict().items()}
+    return {name: rows for name, rows in values.items() if rows is not None}
+
+
+class Recorder:
+    """Advance a simulation by one output interval after another; write and watch what it shows.
+
+    `seen` output times have been reached, the first at time zero; `watch` sees every one of them. Where only some
+    snapshots are kept (`tolerance`, m), the simulation may be looked at in between, but whoever watches is not shown
+    that, and what is watched is kept in the file until the run has ended.
+    """
+
+    def __init__(self, simulation: AnyRun, writer: RunWriter, watch: InSitu | None, tolerance: float | None) -> None:
+        self.simulation, self.writer, self.watch = simulation, writer, watch
+        self.seen = 0
+        self.thinning: Thinning | None = None
+        if tolerance is not None:
+            output = simulation.scene.output
+            finest = finest_halving(simulation.steps_per_snapshot)
+            self.thinning = Thinning(writer, output.interval, tolerance, finest, DTYPES[output.precision])
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing remains to be simulated: the time is up, or what is watched suffices."""
+        return self.seen == self.simulation.snapshots or (self.watch is not None and self.watch.suffices)
+
+    def advance(self) -> None:
+        """Go on to the next output time and record it. Raises LimitError as the simulation does."""
+        steps = self.simulation.steps_per_snapshot
+        start = (self.seen - 1) * steps
+        parts = 1 if self.thinning is None else 1 << self.thinning.spacing.finest
+        now = 0
+        while now < parts:
+            now = parts if self.thinning is None else self.thinning.spacing.next_stop(now)
+            self.simulation.advance_to(start + steps * now // parts)
+            if now < parts:
+                self._keep(self.simulation.snapshot())
+        self.record(self.simulation.snapshot())
+
+    def record(self, now: Snapshot) -> None:
+        """Write and watch the moment of an output time."""
+        values = self._keep(now)
+        if self.watch is not None:
+            if self.thinning is not None:
+                self._put_history(now.time, values)
+            self.watch.see(now.time, values)
+        self.seen += 1
+
+    def _keep(self, now: Snapshot) -> dict[str, NDArray[Any]]:
+        values = values_of(now)
+        if self.thinning is None:
+            self.writer.append(now.time, values, now.series, now.impacts)
+        else:
+            self.thinning.take(now, values)
+        return values
+
+    def reserve(self) -> None:
+        """Make room in the file for what will be found, before its first snapshot."""
+        if self.watch is None:
+            return
+        if self.thinning is None:
+            self.writer.reserve(layout.FOUND, (), np.dtype(f"S{TEXT_BYTES * (1 + len(self.watch.variables))}"))
+            self.writer.put(layout.FOUND, np.bytes_(b""))
+            return
+        most = self.simulation.snapshots
+        self.writer.reserve(layout.WATCHED_TIME, (most,), np.dtype(np.float64))
+        for name, rows in self.watch.variables.items():
+            self.writer.reserve(f"{layout.HISTORY}/{name}", (most, rows.rows), self.thinning.dtype)
+
+    def _put_history(self, time: float, values: Mapping[str, NDArray[Any]]) -> None:
+        """Keep what is watched, of which not every snapshot may be kept, so that a resumed run knows it."""
+        assert self.watch is not None
+        self.writer.put(layout.WATCHED_TIME, time, self.seen)
+        for name, rows in self.watch.variables.items():
+            self.writer.put(f"{layout.HISTORY}/{name}", rows.of(values), self.seen)
+
+    def finish(self) -> dict[str, Any]:
+        """Close the file and write down what was found; return it in plain types, empty where nobody watches."""
+        found = {} if self.watch is None else {"in_situ": self.watch.verdict()}
+        if self.thinning is None:
+            if found:
+                self.writer.put(layout.FOUND, np.bytes_(json.dumps(found).encode()))
+            self.writer.close()
+            return found
+        self.thinning.write()
+        self.writer.close()
+        with Run(self.writer.path) as run:
+            found["kept"] = self.thinning.facts(run.times) | {"seen": self.seen}
+        compact(self.writer.path, json.dumps(found).encode(), {} if self.watch is None else self._products())
+        return found
+
+    def _products(self) -> dict[str, NDArray[np.float64]]:
+        """Return the inner products of what was watched, and its times, by their names in the file."""
+        assert self.watch is not None
+        found = {f"{layout.PRODUCTS}/{name}": rows.gram() for name, rows in self.watch.snapshots.items()}
+        return {layout.WATCHED_TIME: np.array(self.watch.times), **found}
+
+    def seconds_of(self) -> dict[str, float]:
+        """Return what watching and thinning took, s; empty where there is neither."""
+        parts = [part.seconds for part in (self.watch, self.thinning) if part is not None]
+        return {"in_situ": round(sum(parts), 3)} if parts else {}
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return all that a run needs to go on bitwise, beside its file."""
+        self.writer.sync()
+        parts = [part.state() for part in (self.watch, self.thinning) if part is not None]
+        state = state_of(self.simulation) | {"record.seen": np.asarray(self.seen)}
+        return {name: rows for part in (state, *parts) for name, rows in part.items()}
+
+    @classmethod
+    def resume(
+        cls, simulation: AnyRun, path: Path, watch: InSitu | None, tolerance: float | None, state: dict[str, Any]
+    ) -> "Recorder":
+        """Go on where a checkpoint was written. Raises Refusal where it is of another kind of run."""
+        try:
+            restore_(simulation, state)
+            seen = int(state["record.seen"])
+            kept = seen if tolerance is None else int(state["thinning.kept"])
+            if watch is not None:
+                with Run(path) as past:
+                    times = past.times if tolerance is None else past.watched(layout.WATCHED_TIME)
+                    watch.restore_(state, times[:seen], _history(past, watch, seen, thinned=tolerance is not None))
+            self = cls(simulation, RunWriter.resume(path, kept), watch, tolerance)
+            if self.thinning is not None:
+                self.thinning.restore_(state)
+        except KeyError as error:
+            raise Refusal(f"checkpoint of {path} lacks {error}; remove it and start the run anew") from None
+        self.seen = seen
+        return self
+
+
+def _history(past: Run, watch: InSitu, seen: int, *, thinned: bool) -> Iterator[Mapping[str, NDArray[Any]]]:
+    """Yield the columns of what is watched, of every output time so far."""
+    known = {name: past.watched(f"{layout.HISTORY}/{name}") for name in watch.variables} if thinned else {}
+    for k in range(seen):
+        if thinned:
+            yield {name: columns[k] for name, columns in known.items()}
+        else:
+            values = past.snapshot(k).values
+            yield {name: rows.of(values) for name, rows in watch.variables.items()}

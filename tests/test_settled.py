@@ -1,0 +1,81 @@
+"""Growing inner products are those of the whole, and a verdict settles when it has held for long enough."""
+
+import numpy as np
+import pytest
+
+from selection import ArraySnapshots, InputError, sweep
+from selection.growing import GrowingSnapshots
+from selection.settled import Settling, checks
+
+
+def wave(rows=60, n=80):
+    """Particles on smooth paths of many pitches: K_f is defined at every Δτ."""
+    rng = np.random.default_rng(2)
+    pace, phase = rng.uniform(5.0, 80.0, rows), rng.uniform(0.0, 6.0, rows)
+    return np.sin(np.outer(pace, np.arange(n) * 0.01) + phase[:, None]) + 40.0
+
+
+def grown(W, known_at=(), **options):
+    rows = GrowingSnapshots(len(W), W.shape[1], **options)
+    for k, column in enumerate(W.T):
+        rows.append(column)
+        if k + 1 in known_at:
+            rows.gram()
+    return rows
+
+
+@pytest.mark.parametrize(("known_at", "per"), [((), 1), ((1, 2, 30, 31, 79), 1), ((20, 22, 25), 3)])
+def test_inner_products_do_not_depend_on_when_they_were_formed(known_at, per):
+    W = wave()
+    whole = ArraySnapshots(W, rows_per_particle=per)
+    rows = grown(W, known_at, rows_per_particle=per)
+    scale = np.abs(whole.gram()).max()
+    np.testing.assert_allclose(rows.gram_groups(10), whole.gram_groups(10), rtol=0.0, atol=1e-14 * scale)
+    np.testing.assert_allclose(rows.gram(), whole.gram(), rtol=0.0, atol=1e-14 * scale)
+    assert (rows.gram() == rows.gram().T).all()
+
+
+def test_rows_come_back_as_they_are_stored_and_none_is_lost():
+    W = wave().astype(np.float32)
+    blocks = np.concatenate(list(grown(W, dtype=np.float32, rows_per_particle=3).row_blocks()))
+    assert blocks.dtype == np.float64
+    assert sorted(map(tuple, blocks)) == sorted(map(tuple, W.astype(np.float64)))
+
+
+def test_a_sweep_of_growing_snapshots_is_the_sweep_of_the_matrix():
+    W, times = wave(), 0.01 * np.arange(80)
+    growing, whole = sweep(grown(W, (20, 40)), times), sweep(W, times)
+    for one, other in zip(growing.candidates, whole.candidates, strict=True):
+        assert (one.n_lr, one.n_lr_paper, one.n_c, one.n_c_gap, one.verdict) == (
+            other.n_lr, other.n_lr_paper, other.n_c, other.n_c_gap, other.verdict
+        )  # fmt: skip
+        assert one.K_f_interval == pytest.approx(other.K_f_interval, rel=1e-8)
+
+
+def test_a_value_that_is_not_finite_is_refused_where_it_arrives():
+    rows = grown(wave(60, 3))
+    with pytest.raises(InputError, match="room for 3 snapshots"):
+        rows.append(np.zeros(60))
+    rows = GrowingSnapshots(60, 3)
+    with pytest.raises(InputError, match="row 7, snapshot 0 is nan"):
+        rows.append(np.where(np.arange(60) == 7, np.nan, 1.0))
+
+
+def test_checks_grow_by_a_tenth_and_end_with_the_run():
+    counts = checks(1000)
+    assert (counts[0], counts[-1], len(counts)) == (20, 1000, 41)
+    steps = np.diff(counts[:-1]) / counts[:-2]
+    assert steps.min() > 0.09
+    assert steps.max() < 0.15
+    assert checks(12) == [12]
+
+
+def test_an_interval_settles_when_snapshots_have_doubled_without_a_break():
+    settling = Settling()
+    for n, sufficient in ((20, [2]), (22, [2]), (24, []), (26, [2]), (40, [3, 2]), (51, [3, 2])):
+        settling.note(n, sufficient)
+        assert settling.settled(n) == []
+    settling.note(52, [3, 2])
+    assert settling.settled(52) == [2]
+    settling.note(80, [3])
+    assert settling.settled(80) == [3]
