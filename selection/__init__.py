@@ -2,9 +2,10 @@
 
 Reading order: `intervals` (which snapshots a candidate keeps), `gram` (the snapshots as inner products), `consistency`
 (projection errors and their ratio R_c), `feasibility` (n_lr, n_c, K_f and the verdict), `resolution` (R_a), `sweep`
-(all of it for every Δτ in one pass).
+(all of it for every Δτ in one pass), `coarse` (a run without a denser one beside it).
 """
 
+from selection.coarse import Bounded, Coarse, intervals_without_truth, without_truth
 from selection.consistency import Consistency, Projection, consistency, project_from_factor, project_from_gram
 from selection.errors import InputError
 from selection.feasibility import Thresholds, consistent_mode, feasibility_index, least_reconstructable_mode
@@ -15,7 +16,9 @@ from selection.sweep import Candidate, Sweep, sweep
 
 __all__ = [
     "ArraySnapshots",
+    "Bounded",
     "Candidate",
+    "Coarse",
     "Consistency",
     "InputError",
     "Projection",
@@ -27,9 +30,11 @@ __all__ = [
     "default_intervals",
     "dense_interval",
     "feasibility_index",
+    "intervals_without_truth",
     "least_reconstructable_mode",
     "project_from_factor",
     "project_from_gram",
     "resolution_ratio",
     "sweep",
+    "without_truth",
 ]
