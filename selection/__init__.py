@@ -2,13 +2,15 @@
 
 Reading order: `intervals` (which snapshots a candidate keeps), `gram` (the snapshots as inner products), `consistency`
 (projection errors and their ratio R_c), `feasibility` (n_lr, n_c, K_f and the verdict), `resolution` (R_a), `sweep`
-(all of it for every Δτ in one pass), `coarse` (a run without a denser one beside it).
+(all of it for every Δτ in one pass), `coarse` (a run without a denser one beside it),
+`forecast` (a run that goes on).
 """
 
 from selection.coarse import Bounded, Coarse, intervals_without_truth, without_truth
 from selection.consistency import Consistency, Projection, consistency, project_from_factor, project_from_gram
 from selection.errors import InputError
 from selection.feasibility import Thresholds, consistent_mode, feasibility_index, least_reconstructable_mode
+from selection.forecast import Forecast, Foreseen, Growth, check_duration, forecast, growth_of_modes
 from selection.gram import ArraySnapshots, Snapshots
 from selection.intervals import default_intervals, dense_interval
 from selection.resolution import resolution_ratio
@@ -20,16 +22,22 @@ __all__ = [
     "Candidate",
     "Coarse",
     "Consistency",
+    "Forecast",
+    "Foreseen",
+    "Growth",
     "InputError",
     "Projection",
     "Snapshots",
     "Sweep",
     "Thresholds",
+    "check_duration",
     "consistency",
     "consistent_mode",
     "default_intervals",
     "dense_interval",
     "feasibility_index",
+    "forecast",
+    "growth_of_modes",
     "intervals_without_truth",
     "least_reconstructable_mode",
     "project_from_factor",

@@ -55,8 +55,8 @@ def without_truth(table: Sweep) -> Coarse:
     these gaps alone n_c is too small; by the paper's R_c, half of whose testing times are training times here, too
     large. The dense answer, n_c of the same training set tested everywhere, lies between.
 
-    Δτ: n_lr is known from all snapshots, n_c is at least that of 2Δτ by the gaps, times what n_c grew by from 4Δτ to
-    2Δτ and 1.5 at most, and at most m - 2, the last n at which m snapshots leave an error.
+    Δτ: n_lr is known from all snapshots, n_c is at least that of 2Δτ by the gaps, times the root of what n_c grew by
+    from 4Δτ to 2Δτ, 1.5 at most, and at most m - 2, the last n at which m snapshots leave an error.
 
     table: the Δτ of `intervals_without_truth` judged on this run. Raises InputError where one is missing.
     """
@@ -74,10 +74,13 @@ def _plain(bounded: Bounded) -> dict[str, Any]:
 
 
 def _growth(doubled: Candidate, fourfold: Candidate | None) -> float:
-    """By what n_c grew when Δτ was last halved, between 1 and 1.5; 1 where 4Δτ leaves too few snapshots to say."""
+    """The root of what n_c grew by when Δτ was last halved, between 1 and 1.5; 1 where 4Δτ has too few snapshots.
+
+    Near a floor of noise n_c stops growing; the root keeps below that.
+    """
     if fourfold is None or fourfold.n_snapshots < FEWEST_SNAPSHOTS or not fourfold.n_c_gap:
         return 1.0
-    return min(max((doubled.n_c_gap or 0) / fourfold.n_c_gap, 1.0), MOST_GROWTH)
+    return min(max(math.sqrt((doubled.n_c_gap or 0) / fourfold.n_c_gap), 1.0), MOST_GROWTH)
 
 
 def _spread(candidate: Candidate) -> float:
@@ -129,15 +132,11 @@ def _verdict(K_f: tuple[float, float], R_a: float | None, limits: Thresholds) ->
     limit = limits.feasibility
     if high < limit:
         return "insufficient", [f"K_f at most {high:.2f}, below {limit:g}"]
-    reasons = (
-        [f"K_f at least {low:.2f}"]
-        if low >= limit
-        else [f"K_f between {low:.2f} and {high:.2f}, either side of {limit:g}"]
-    )
-    resolved = R_a is not None and R_a <= limits.resolution
-    told = (
-        "undefined: no consistent mode"
-        if R_a is None
-        else f"{R_a:.2f} {'at most' if resolved else 'above'} {limits.resolution:g}"
-    )
-    return ("sufficient" if low >= limit and resolved else "undecidable"), [*reasons, f"R_a {told}"]
+    reasons = [f"K_f at least {low:.2f}"]
+    if low < limit:
+        reasons = [f"K_f between {low:.2f} and {high:.2f}, either side of {limit:g}"]
+    if R_a is None:
+        return "undecidable", [*reasons, "R_a undefined: no consistent mode"]
+    resolved = R_a <= limits.resolution
+    reasons.append(f"R_a {R_a:.2f} {'at most' if resolved else 'above'} {limits.resolution:g}")
+    return ("sufficient" if low >= limit and resolved else "undecidable"), reasons
