@@ -17,7 +17,9 @@ from selection import forecast, growth_of_modes, sweep
 from suffice.run import Run
 from suffice.selecting import default_variables, thresholds_of
 
-HEAD = f"{'run':<22}{'variable':<20}{'pilot':>6}{'a':>12}{'n_lr':>5}{'foreseen':>14}{'Δτ ms':>8}{'expected':>9}{'safe':>8}"
+HEAD = (
+    f"{'run':<22}{'variable':<20}{'pilot':>6}{'a':>12}{'n_lr':>5}{'foreseen':>14}{'Δτ ms':>8}{'expected':>9}{'safe':>8}"
+)
 
 
 def foreseen(W, run, last, limits):

@@ -31,8 +31,9 @@ def judged_both_ways(run, name, strides):
     dense = {round(c.interval / own): c for c in table.candidates}
     for k in strides:
         times = run.times[::k]
-        thin = sweep(W.columns(np.arange(0, n, k)), times, intervals_without_truth(times), limits)
-        coarse = without_truth(thin)
+        part = W.columns(np.arange(0, n, k))
+        thin = sweep(part, times, intervals_without_truth(times), limits)
+        coarse = without_truth(thin, np.asarray(part.gram()))
         yield k, False, dense[k], coarse.recorded
         yield k, True, dense[2 * k], coarse.doubled
 

@@ -4,11 +4,13 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from selection.consistency import project_from_gram
 from selection.errors import InputError
 from selection.feasibility import FEWEST_SNAPSHOTS, Thresholds
 from selection.intervals import dense_interval
+from selection.resolution import resolution_ratio
 from selection.sweep import Candidate, Sweep
 
 MOST_GROWTH = 1.5  # of n_c as Δτ is halved: less than every growth measured where n_c was more than two (docs)
@@ -22,6 +24,7 @@ class Bounded(NamedTuple):
     n_lr: int
     n_c_range: tuple[int, int]  # the dense answer lies between
     K_f_range: tuple[float, float] | None  # n_c_range / n_lr, wider by the interval of K_f; None where nothing moves
+    R_a: float | None  # at the greatest n_c foreseen of this Δτ, by the gaps of 2Δτ; None where it is undefined
     verdict: str  # sufficient, insufficient or undecidable
     reasons: list[str]
 
@@ -48,7 +51,7 @@ def intervals_without_truth(times: ArrayLike) -> list[float]:
     return [float(f"{k * own:.12g}") for k in (4, 2, 1) if k <= n - 1]
 
 
-def without_truth(table: Sweep) -> Coarse:
+def without_truth(table: Sweep, gram: NDArray[np.float64]) -> Coarse:
     """Decide from a run recorded every Δτ, and nothing denser, whether Δτ and 2Δτ suffice.
 
     2Δτ: the modes of every second snapshot are tested on those between, which lie farthest from the training times. By
@@ -56,16 +59,19 @@ def without_truth(table: Sweep) -> Coarse:
     large. The dense answer, n_c of the same training set tested everywhere, lies between.
 
     Δτ: n_lr is known from all snapshots, n_c is at least that of 2Δτ by the gaps, times the root of what n_c grew by
-    from 4Δτ to 2Δτ, 1.5 at most, and at most m - 2, the last n at which m snapshots leave an error.
+    from 4Δτ to 2Δτ, 1.5 at most, and at most m - 2, the last n at which m snapshots leave an error. R_a grows with n, so that of Δτ is
+    bounded by that of 2Δτ on twice as many modes.
 
-    table: the Δτ of `intervals_without_truth` judged on this run. Raises InputError where one is missing.
+    table: the Δτ of `intervals_without_truth` judged on this run; gram: (N_t, N_t) inner products of its snapshots.
+    Raises InputError where a Δτ is missing.
     """
     by_stride = {round(c.interval / table.dense_interval): c for c in table.candidates}
     if not {1, 2} <= set(by_stride):
         raise InputError("candidates: judge the Δτ of intervals_without_truth, 4, 2 and 1 recorded intervals")
     doubled = by_stride[2]
     growth = _growth(doubled, by_stride.get(4))
-    return Coarse(_recorded(by_stride[1], doubled, growth, table.thresholds), _doubled(doubled, table.thresholds))
+    R_a = _resolution_of_twice(gram, doubled.n_c)
+    return Coarse(_recorded(by_stride[1], doubled, growth, R_a, table.thresholds), _doubled(doubled, table.thresholds))
 
 
 def _plain(bounded: Bounded) -> dict[str, Any]:
@@ -83,6 +89,14 @@ def _growth(doubled: Candidate, fourfold: Candidate | None) -> float:
     return min(max(math.sqrt((doubled.n_c_gap or 0) / fourfold.n_c_gap), 1.0), MOST_GROWTH)
 
 
+def _resolution_of_twice(gram: NDArray[np.float64], n_c: int) -> float | None:
+    """R_a of every second snapshot on twice its consistent modes, or on all that it has."""
+    training = np.arange(0, len(gram), 2)
+    last = training[-1] + 1
+    projection = project_from_gram(gram[:last, :last], training)
+    return resolution_ratio(projection, min(2 * n_c, len(projection.eigenvalues)))
+
+
 def _spread(candidate: Candidate) -> float:
     """Half the interval of K_f from leaving out particles, as a share of K_f."""
     if candidate.K_f_interval is None or not candidate.K_f:
@@ -98,26 +112,28 @@ def _doubled(candidate: Candidate, limits: Thresholds) -> Bounded:
     """Judge every second snapshot by the two ratios between which the dense one lies."""
     n_c = candidate.n_c_gap or 0, candidate.n_c
     K_f = _range(n_c, candidate.n_lr, _spread(candidate))
-    facts = candidate.interval, candidate.n_snapshots, candidate.n_lr, n_c, K_f
+    facts = candidate.interval, candidate.n_snapshots, candidate.n_lr, n_c, K_f, candidate.R_a
     if candidate.verdict == "undecidable" or K_f is None:
         return Bounded(*facts, "undecidable", candidate.reasons)
     return Bounded(*facts, *_verdict(K_f, candidate.R_a, limits))
 
 
-def _recorded(candidate: Candidate, doubled: Candidate, growth: float, limits: Thresholds) -> Bounded:
+def _recorded(
+    candidate: Candidate, doubled: Candidate, growth: float, R_a: float | None, limits: Thresholds
+) -> Bounded:
     """Judge all snapshots: they are at least as good as every second one, and hold no more modes than they are."""
     m = candidate.n_snapshots
     n_c = math.floor((doubled.n_c_gap or 0) * growth), max(m - 2, 0)
     K_f = _range(n_c, candidate.n_lr, 0.0)
     if K_f is not None:
         K_f = max(1.0 - _spread(doubled), 0.0) * K_f[0], K_f[1]
-    facts = candidate.interval, m, candidate.n_lr, n_c, K_f
+    facts = candidate.interval, m, candidate.n_lr, n_c, K_f, R_a
     if K_f is None or _untold(doubled, limits):
         return Bounded(*facts, "undecidable", doubled.reasons)
     if K_f[1] < limits.feasibility:
         few = f"{m} snapshots have at most {n_c[1]} consistent modes, {limits.feasibility:g} n_lr = "
         return Bounded(*facts, "insufficient", [f"{few}{limits.feasibility * candidate.n_lr:g} are needed"])
-    return Bounded(*facts, *_verdict(K_f, doubled.R_a, limits))
+    return Bounded(*facts, *_verdict(K_f, R_a, limits))
 
 
 def _untold(doubled: Candidate, limits: Thresholds) -> bool:

@@ -106,7 +106,9 @@ def forecast(table: Sweep, gram: Array, duration: float) -> Forecast:
 def check_duration(duration: float, pilot: float) -> None:
     """Raise InputError where the planned duration is no longer than the pilot, both in s."""
     if not (math.isfinite(duration) and duration > pilot * (1 + 1e-9)):
-        raise InputError(f"duration: {duration:g} s, the run has {pilot:g} s already; judge it as it is, or plan longer")
+        raise InputError(
+            f"duration: {duration:g} s, the run has {pilot:g} s already; judge it as it is, or plan longer"
+        )
 
 
 def _eigenvalues(gram: Array) -> Array:

@@ -73,7 +73,7 @@ def select_partial(
         for name, found, gram in _judged(run, names, intervals, thresholds, progress, ranks):
             table[name], blocks[name] = found, {}
             if asked.coarse:
-                blocks[name]["coarse"] = without_truth(found).as_dict()
+                blocks[name]["coarse"] = without_truth(found, gram).as_dict()
             if asked.duration is not None:
                 blocks[name]["forecast"] = forecast(found, gram, asked.duration).as_dict()
     except InputError as error:

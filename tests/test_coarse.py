@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from selection import InputError, Thresholds, intervals_without_truth, sweep, without_truth
+from selection import ArraySnapshots, InputError, Thresholds, intervals_without_truth, sweep, without_truth
 
 
 def milliseconds(n, step=1):
@@ -12,7 +12,8 @@ def milliseconds(n, step=1):
 
 def judged(W, limits=None, step=1, groups=None):
     times = milliseconds(W.shape[1], step)
-    return without_truth(sweep(W, times, intervals_without_truth(times), limits, groups))
+    table = sweep(W, times, intervals_without_truth(times), limits, groups)
+    return without_truth(table, ArraySnapshots(W).gram())
 
 
 def travelling_waves(unseen, m=60):
@@ -73,8 +74,9 @@ def test_what_the_papers_ratio_accepts_on_a_coarse_run_is_not_accepted_where_the
 
 def test_a_dense_run_is_told_sufficient_and_a_thinned_one_is_not():
     W = smooth_motion(1)
-    dense, thin = judged(W), judged(W[:, ::8], step=8)
-    assert dense.recorded.verdict == dense.doubled.verdict == "sufficient"
+    dense, thin = judged(W[:, ::3], step=3), judged(W[:, ::8], step=8)
+    assert dense.recorded.verdict == "sufficient"
+    assert judged(W).doubled.verdict == "sufficient"
     assert thin.recorded.verdict != "sufficient"
     assert thin.doubled.verdict == "insufficient"
 
@@ -92,12 +94,21 @@ def test_n_c_is_never_said_to_grow_by_more_than_half_nor_to_shrink():
         assert found.doubled.n_c_range[0] <= found.recorded.n_c_range[0] <= 1.5 * found.doubled.n_c_range[0]
 
 
-def test_a_floor_of_noise_does_not_grow_modes():
-    # n_c is where the amplitudes reach the noise, however dense the snapshots are
-    W = smooth_motion(3, slope=3.0)
-    W += 1e-4 * np.random.default_rng(1).standard_normal(W.shape)
-    found = judged(W)
-    assert found.recorded.n_c_range[0] <= 1.15 * found.doubled.n_c_range[0]
+def test_coefficients_without_a_time_axis_are_not_sufficient_however_consistent():
+    # the subspace is right at unseen times, but nothing can be interpolated
+    rng = np.random.default_rng(2)
+    shapes = np.linalg.qr(rng.standard_normal((3000, 12)))[0]
+    W = (shapes * [1.0, 0.5, *(0.01 * 0.9 ** np.arange(10))]) @ rng.standard_normal((12, 801))
+    found = judged(W + 2e-6 * rng.standard_normal(W.shape))
+    for bounded in (found.recorded, found.doubled):
+        assert bounded.K_f_range[0] >= 2
+        assert bounded.R_a > 10
+        assert bounded.verdict != "sufficient"
+
+
+def test_the_resolution_of_a_run_is_taken_at_more_modes_than_that_of_half_its_snapshots():
+    found = judged(smooth_motion(0))
+    assert found.recorded.R_a > found.doubled.R_a > 1
 
 
 def test_the_interval_of_the_index_widens_its_bounds():
@@ -144,12 +155,14 @@ def test_a_band_limited_motion_is_exhausted_by_its_modes():
 
 def test_a_sweep_of_other_intervals_is_refused():
     with pytest.raises(InputError, match="intervals_without_truth"):
-        without_truth(sweep(smooth_motion(0), milliseconds(481), [0.004], groups=None))
+        without_truth(sweep(smooth_motion(0), milliseconds(481), [0.004], groups=None), np.eye(481))
 
 
 def test_the_answer_is_plain():
     found = judged(smooth_motion(0)).as_dict()
     assert list(found) == ["recorded", "doubled"]
     for bounded in found.values():
-        assert list(bounded) == ["interval", "n_snapshots", "n_lr", "n_c_range", "K_f_range", "verdict", "reasons"]
+        assert list(bounded) == [
+            "interval", "n_snapshots", "n_lr", "n_c_range", "K_f_range", "R_a", "verdict", "reasons",
+        ]  # fmt: skip
         assert isinstance(bounded["n_c_range"], list)
