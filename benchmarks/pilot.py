@@ -67,14 +67,18 @@ def compare(run, name, shares, counts, errors):
         errors["n_lr in range", share, quantity].append(float(0.95 * n_lr[0] <= whole.n_lr <= 1.05 * n_lr[2]))
         for c in told.candidates:
             at = true[round(c.interval / run.interval)]
+            for way, interval in (("expected", told.expected_interval), ("safe", told.safe_interval)):
+                if c.interval == interval:
+                    errors[f"K_f there, {way} Δτ", share, quantity].append(at.K_f)
             if at.K_f is not None and at.K_f >= 0.5:  # far below 2 nobody asks how far
                 errors["n_c", share, quantity].append(c.n_c / at.n_c)
                 errors["K_f", share, quantity].append(c.K_f / at.K_f)
                 errors["K_f safe", share, quantity].append(c.K_f_range[0] / at.K_f)
         print(
-            f"{run.path.stem:<22}{name:<20}{f'1/{share}':>6}{told.growth.least_exponent:6.2f}{told.growth.exponent:6.2f}"
-            f"{whole.n_lr:5.0f}{n_lr[0]:5.0f}{n_lr[1]:4.0f}{n_lr[2]:5.0f}{milliseconds(table.chosen_interval):>7}"
-            f"{milliseconds(told.expected_interval):>9}{milliseconds(told.safe_interval):>6}  {found[0]}, safe {found[1]}"
+            f"{run.path.stem:<22}{name:<20}{f'1/{share}':>6}{told.growth.least_exponent:6.2f}"
+            f"{told.growth.exponent:6.2f}{whole.n_lr:5.0f}{n_lr[0]:5.0f}{n_lr[1]:4.0f}{n_lr[2]:5.0f}"
+            f"{milliseconds(table.chosen_interval):>8}{milliseconds(told.expected_interval):>9}"
+            f"{milliseconds(told.safe_interval):>8}  {found[0]}, safe {found[1]}"
             f"{', transient' if steady == 'transient' else ''}",
             flush=True,
         )
@@ -99,7 +103,8 @@ def main():
             print(f"1/{share} {quantity}: n_lr within its range in {sum(values):.0f} of {len(values)}")
         else:
             shown = " ".join(f"{q:.2f}" for q in np.quantile(values, [0, 0.1, 0.5, 0.9, 1]))
-            print(f"1/{share} {quantity}: {what} foreseen / true, least 10 % median 90 % most: {shown} ({len(values)})")
+            of = "the true" if "there" in what else "foreseen / true"
+            print(f"1/{share} {quantity}: {of} {what}, least 10 % median 90 % most: {shown} ({len(values)})")
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from selection.intervals import dense_interval
 from selection.resolution import resolution_ratio
 from selection.sweep import Candidate, Sweep
 
-MOST_GROWTH = 1.5  # of n_c as Δτ is halved: less than every growth measured where n_c was more than two (docs)
+MOST_GROWTH = 1.5  # of n_c as Δτ is halved: less than what was measured on every flow, see docs/selection.md
 
 
 class Bounded(NamedTuple):
@@ -59,8 +59,8 @@ def without_truth(table: Sweep, gram: NDArray[np.float64]) -> Coarse:
     large. The dense answer, n_c of the same training set tested everywhere, lies between.
 
     Δτ: n_lr is known from all snapshots, n_c is at least that of 2Δτ by the gaps, times the root of what n_c grew by
-    from 4Δτ to 2Δτ, 1.5 at most, and at most m - 2, the last n at which m snapshots leave an error. R_a grows with n, so that of Δτ is
-    bounded by that of 2Δτ on twice as many modes.
+    from 4Δτ to 2Δτ, 1.5 at most, and at most m - 2, the last n at which m snapshots leave an error. R_a grows with n,
+    so that of Δτ is bounded by that of 2Δτ on twice as many modes.
 
     table: the Δτ of `intervals_without_truth` judged on this run; gram: (N_t, N_t) inner products of its snapshots.
     Raises InputError where a Δτ is missing.
@@ -80,7 +80,7 @@ def _plain(bounded: Bounded) -> dict[str, Any]:
 
 
 def _growth(doubled: Candidate, fourfold: Candidate | None) -> float:
-    """The root of what n_c grew by when Δτ was last halved, between 1 and 1.5; 1 where 4Δτ has too few snapshots.
+    """Take the root of what n_c grew by when Δτ was last halved, 1 to 1.5; 1 where 4Δτ has too few snapshots.
 
     Near a floor of noise n_c stops growing; the root keeps below that.
     """

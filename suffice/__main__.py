@@ -226,12 +226,11 @@ def select(
     changed = {name: value for name, value in given.items() if value is not None}
     steps = None if intervals is None else parse_intervals(intervals)
     asked = Asked(coarse, duration)
-    with shared_rows() as ranks, Run(run_file) as run:
-        with context.obj.stage("select", "variables") as advance:
-            if asked != Asked():
-                answer = select_partial(run, asked, variables, steps, changed, advance, ranks)
-            else:
-                answer = select_json(run, select_run(run, variables, steps, changed, advance, ranks))
+    with shared_rows() as ranks, Run(run_file) as run, context.obj.stage("select", "variables") as advance:
+        if asked == Asked():
+            answer = select_json(run, select_run(run, variables, steps, changed, advance, ranks))
+        else:
+            answer = select_partial(run, asked, variables, steps, changed, advance, ranks)
     if ranks.rank == 0 and tell(answer, json):
         (show_selection if asked == Asked() else show_partial)(answer)
 

@@ -62,7 +62,7 @@ def _exponents(growth: Mapping[str, Any]) -> str:
 
 
 def _planned(told: Mapping[str, Any], interval: float | None) -> str:
-    """The Δτ and how many snapshots it takes; that a finer one is needed where none judged suffices."""
+    """Say which Δτ and how many snapshots, or that a finer one is needed than any judged."""
     candidates = told["candidates"]
     if interval is None:
         return f"below {seconds_text(candidates[-1]['interval'])}" if candidates else "–"

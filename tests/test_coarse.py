@@ -74,7 +74,7 @@ def test_what_the_papers_ratio_accepts_on_a_coarse_run_is_not_accepted_where_the
 
 def test_a_dense_run_is_told_sufficient_and_a_thinned_one_is_not():
     W = smooth_motion(1)
-    dense, thin = judged(W[:, ::3], step=3), judged(W[:, ::8], step=8)
+    dense, thin = judged(W[:, ::2], step=2), judged(W[:, ::8], step=8)
     assert dense.recorded.verdict == "sufficient"
     assert judged(W).doubled.verdict == "sufficient"
     assert thin.recorded.verdict != "sufficient"
