@@ -218,23 +218,31 @@ def select(
     energy: Annotated[float | None, typer.Option(help="that n_lr modes hold; default 0.999, fluid 0.99")] = None,
     consistency: Annotated[float | None, typer.Option(help="R_c that n_c modes keep; default 1.05")] = None,
     feasibility: Annotated[float | None, typer.Option(help="K_f that suffices; default 2")] = None,
+    coarse: Annotated[bool, typer.Option("--coarse", help="no denser truth: is the recorded Δτ enough?")] = False,
+    duration: Annotated[
+        float | None, typer.Option("--forecast", metavar="T", help="the run is the start of one of T s: which Δτ then?")
+    ] = None,
     json: Json = None,
 ) -> None:
     """Decide for each variable which snapshot interval Δτ suffices: R_c, n_lr, n_c and K_f."""
+    from suffice.partial import Asked, select_partial
     from suffice.ranks import shared_rows
     from suffice.run import Run
     from suffice.selecting import parse_intervals, select_json, select_run
+    from suffice.show_partial import show_partial
     from suffice.tables import show_selection
 
     given = {"energy": energy, "consistency": consistency, "feasibility": feasibility}
     changed = {name: value for name, value in given.items() if value is not None}
     steps = None if intervals is None else parse_intervals(intervals)
-    with shared_rows() as ranks, Run(run_file) as run:
-        with context.obj.stage("select", "variables") as advance:
-            table = select_run(run, variables, steps, changed, advance, ranks)
-        answer = select_json(run, table)
+    asked = Asked(coarse, duration)
+    with shared_rows() as ranks, Run(run_file) as run, context.obj.stage("select", "variables") as advance:
+        if asked == Asked():
+            answer = select_json(run, select_run(run, variables, steps, changed, advance, ranks))
+        else:
+            answer = select_partial(run, asked, variables, steps, changed, advance, ranks)
     if ranks.rank == 0 and tell(answer, json):
-        show_selection(answer)
+        (show_selection if asked == Asked() else show_partial)(answer)
 
 
 app.command()(train)

@@ -16,8 +16,8 @@ from suffice.products import read_products
 from suffice.progress import Advance
 from suffice.refusal import Refusal
 from suffice.run import Run
-from suffice.variables import mean_diameter
 from suffice.uneven import unfit
+from suffice.variables import mean_diameter
 
 FLUID_ENERGY = 0.99
 
