@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from suffice.model import Model, load_model
 from suffice.progress import Reporter
-from suffice.quantities import AXES, QUANTITIES
+from suffice.quantities import AXES, QUANTITIES, whole_of
 from suffice.refusal import Refusal
 from suffice.store import RunWriter, check_place
 from suffice.wording import seconds_text
@@ -89,8 +89,7 @@ def _quantities(models: Sequence[Model]) -> dict[str, list[Model]]:
     """Sort models by the quantity they predict: one of the whole, or one of each component."""
     found: dict[str, list[Model]] = {}
     for model in models:
-        whole = model.variable if model.variable in QUANTITIES else model.variable.rpartition(".")[0]
-        found.setdefault(whole, []).append(model)
+        found.setdefault(whole_of(model.variable), []).append(model)
         if not np.array_equal(model.particles["ids"], models[0].particles["ids"]):
             raise Refusal("models are of different particles; give models that were trained on the same run")
     for name, group in found.items():
