@@ -44,7 +44,7 @@ def allocate(costs: Sequence[ArrayLike], burdens: Sequence[ArrayLike], limits: A
     """
     most = np.atleast_1d(np.asarray(limits, dtype=np.float64))
     if most.ndim != 1 or not (np.isfinite(most).all() and (most > 0).all()):
-        raise InputError(f"limits: {limits}; give positive finite numbers")
+        raise InputError(f"limits: {most}; give positive finite numbers")
     if not costs or len(costs) != len(burdens):
         raise InputError(f"costs: of {len(costs)} variables, burdens of {len(burdens)}; give both for at least one")
     tables = [_table(v, c, b, most) for v, (c, b) in enumerate(zip(costs, burdens, strict=True))]

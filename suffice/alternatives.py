@@ -1,7 +1,7 @@
 """What each Δτ and number of modes would cost a variable, and how wrong it would be."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from selection.errors import InputError as UnfitIntervals
 from selection.intervals import Subset, candidates
 from suffice.compare import CONSISTENCY
 from suffice.condensed import Array, Condensed
+from suffice.derived import velocity_squares
 from suffice.making import is_trained, made
 from suffice.reconstruction import Case, Reduced, consistent_level, reduce
 from suffice.refusal import Refusal
@@ -53,9 +54,7 @@ def judged_subsets(run: Run, intervals: Sequence[float] | None) -> list[Subset]:
 
 def check_judged(surrogate: str) -> None:
     """Refuse surrogates whose error is not known before a training, or not between the snapshots."""
-    known = [
-        name for name, one in SURROGATES.items() if not one.raw and one.bridges and one.kind == "time"
-    ]
+    known = [name for name, one in SURROGATES.items() if not one.raw and one.bridges and one.kind == "time"]
     known = [name for name in known if not is_trained(name)]
     if surrogate not in known:
         raise Refusal(
@@ -64,7 +63,9 @@ def check_judged(surrogate: str) -> None:
         )
 
 
-def alternatives(data: Condensed, times: Array, subsets: Sequence[Subset], surrogate: str, energy: float) -> Alternatives:
+def alternatives(
+    data: Condensed, times: Array, subsets: Sequence[Subset], surrogate: str, energy: float
+) -> Alternatives:
     """Judge every Δτ and every number of modes by the snapshots between those trained on.
 
     A surrogate that fits each column by itself is fitted once for each Δτ; one that does not, for `LEVELS` numbers of
@@ -92,7 +93,7 @@ def reduced_case(data: Condensed, case: Case, energy: float) -> Reduced:
         raise Refusal(f"{data.variable}: {error}") from None
 
 
-def _at(data: Condensed, times: Array, subset: Subset, name: str, energy: float) -> tuple[Array, ...]:
+def _at(data: Condensed, times: Array, subset: Subset, name: str, energy: float) -> tuple[NDArray[Any], ...]:
     """Columns at one Δτ."""
     case = case_of(data, times, subset)
     reduced = reduced_case(data, case, energy)
@@ -105,7 +106,8 @@ def _at(data: Condensed, times: Array, subset: Subset, name: str, energy: float)
         modes, squares, sizes = _some_numbers(name, case, reduced, np.union1d(some, [by_rule]))
     velocity = np.full(len(modes), np.nan)
     if SURROGATES[name].differentiable and data.rates is not None:
-        velocity = _rms(_velocity_squares(fitted(name, case, reduced, full), case, reduced), data.rows)
+        which, surrogate = case.unseen, fitted(name, case, reduced, full)
+        velocity = _rms(velocity_squares(surrogate, reduced.basis, data.rates, times[which], which), data.rows)
     learns_rates = data.rates is not None and (SURROGATES[name].needs_rates or SURROGATES[name].uses_rates)
     kept = len(subset.training) * data.rows * data.itemsize * (2 if learns_rates else 1)
     ones = np.ones(len(modes))
@@ -151,17 +153,6 @@ def _some_numbers(
         squares.append(reduced.outside + np.square(c[:, n:]).sum(axis=1) + np.square(miss).sum(axis=1))
         sizes.append(_bytes(surrogate))
     return modes, np.array(squares).T, np.array(sizes, dtype=np.float64)
-
-
-def _velocity_squares(surrogate: Surrogate, case: Case, reduced: Reduced) -> Array:
-    """Squared errors (u, p) of the derivative of the first n = 1 … p coefficients in place of the stored velocity.
-
-    With a = φᵀv, modes of length one leave ‖v - Σ ċ_i φ_i‖² = ‖v‖² - Σ_{i≤n} a_i² + Σ_{i≤n} (a_i - ċ_i)².
-    """
-    assert case.rates is not None, "asked for where velocities are stored"
-    v = np.asarray(case.rates[:])[:, case.unseen]
-    a, slope = v.T @ reduced.basis.modes, surrogate.derivative(case.times[case.unseen])
-    return np.asarray(np.square(v).sum(axis=0)[:, None] + (np.square(a - slope) - np.square(a)).cumsum(axis=1))
 
 
 def _bytes(surrogate: Surrogate) -> int:

@@ -51,5 +51,5 @@ def triangular_factor(sources: Sequence[RowSource]) -> Array:
     for start in range(0, rows, step):
         parts = [np.asarray(source[start : min(start + step, rows)], dtype=np.float64) for source in sources]
         parts[0] = parts[0] - parts[0][:, :1]
-        factor = np.linalg.qr(np.vstack([factor, np.hstack(parts)]), mode="r")
+        factor = np.asarray(np.linalg.qr(np.vstack([factor, np.hstack(parts)]), mode="r"))
     return factor

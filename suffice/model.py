@@ -90,11 +90,17 @@ def save_model(folder: Path, model: Model) -> None:
 
 def read_model_card(folder: Path) -> dict[str, Any] | None:
     """Return the card of a model, None where the folder holds none or another kind of card."""
+    card = read_card(folder / CARD)
+    return card if card is not None and card.get("kind") == KIND else None
+
+
+def read_card(path: Path) -> dict[str, Any] | None:
+    """Return an object of JSON, None where the file holds none."""
     try:
-        card: Any = json.loads((folder / CARD).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        card: Any = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
         return None
-    return card if isinstance(card, dict) and card.get("kind") == KIND else None
+    return card if isinstance(card, dict) else None
 
 
 def load_model(folder: Path) -> Model:
