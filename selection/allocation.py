@@ -19,7 +19,7 @@ class Allocation(NamedTuple):
     chosen: tuple[int, ...]  # number of the alternative, per variable
     cost: float  # in total
     totals: Array  # (q,) burdens in total, in their own units
-    kept: bool  # False where no allocation keeps the limits; then this one comes closest in sum
+    kept: bool  # False where no allocation keeps the limits; then those that fail come closest in sum
 
 
 class _Partial(NamedTuple):
@@ -48,9 +48,13 @@ def allocate(costs: Sequence[ArrayLike], burdens: Sequence[ArrayLike], limits: A
     if not costs or len(costs) != len(burdens):
         raise InputError(f"costs: of {len(costs)} variables, burdens of {len(burdens)}; give both for at least one")
     tables = [_table(v, c, b, most) for v, (c, b) in enumerate(zip(costs, burdens, strict=True))]
-    found = _merged(tables)
-    kept = len(found.costs) > 0
-    chosen = found.chosen[int(np.argmin(found.costs))] if kept else [int(np.argmin(b.sum(axis=1))) for _, b in tables]
+    chosen, kept = np.array([int(np.argmin(b.sum(axis=1))) for _, b in tables]), True
+    for together in _independent([b for _, b in tables]):
+        found = _merged([tables[v] for v in together])
+        if len(found.costs):
+            chosen[together] = found.chosen[int(np.argmin(found.costs))]
+        else:
+            kept = False
     paid = sum(float(c[i]) for (c, _), i in zip(tables, chosen, strict=True))
     totals = most * sum(b[i] for (_, b), i in zip(tables, chosen, strict=True))
     return Allocation(tuple(int(i) for i in chosen), paid, totals, kept)
@@ -100,6 +104,16 @@ def _table(v: int, costs: ArrayLike, burdens: ArrayLike, limits: Array) -> tuple
     if not (np.isfinite(cost).all() and np.isfinite(burden).all() and (burden >= 0).all()):
         raise InputError(f"variable {v}: a cost or burden is negative or not finite; leave such an alternative out")
     return cost, burden / limits
+
+
+def _independent(burdens: Sequence[Array]) -> list[list[int]]:
+    """Return groups of variables that share a limit: each group is allocated by itself."""
+    uses = np.array([(b > 0).any(axis=0) for b in burdens])  # (v, q)
+    label = np.arange(len(burdens))
+    for shared in uses.T:
+        if shared.any():
+            label[np.isin(label, label[shared])] = label[shared].min()
+    return [np.flatnonzero(label == k).tolist() for k in np.unique(label)]
 
 
 def _merged(tables: Sequence[tuple[Array, Array]]) -> _Partial:

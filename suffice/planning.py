@@ -54,9 +54,9 @@ class Wanted(NamedTuple):
 
 
 def parse_limits(texts: Sequence[str] | None, run: Run) -> dict[str, float]:
-    """Return limits on errors such as `0.05d` or `0.1m/s` by unit, diameters in m. Raises Refusal."""
+    """Return limits on errors such as `0.05d` or `0.05d,0.1m/s` by unit, diameters in m. Raises Refusal."""
     found: dict[str, float] = {}
-    for text in texts or ():
+    for text in (part for given in texts or () for part in given.split(",")):
         value, unit = parse_error(text)
         if not 0.0 < value < float("inf"):
             raise Refusal(f"--max-error {text!r}: must be a positive number")

@@ -12,7 +12,7 @@ import typer
 
 from suffice.options import Json, RunFile, Variables, tell
 
-TASKS = ("between", "beyond", "unseen", "observables")
+TASKS = ("between", "beyond", "unseen", "observables", "timescales")
 Seed = Annotated[int, typer.Option(help="of whatever is random in training")]
 
 
@@ -76,9 +76,9 @@ def predict(
 def compare(
     context: typer.Context,
     runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="one run; of --task unseen one per speed")],
-    task: Annotated[str, typer.Option(help="between snapshots, beyond the window, unseen speed, or observables")] = (
-        "between"
-    ),
+    task: Annotated[
+        str, typer.Option(help="between snapshots, beyond the window, unseen speed, observables, or timescales")
+    ] = ("between"),
     variables: Variables = None,
     interval: Annotated[
         str | None, typer.Option(help="Δτ as for select --intervals, s; default 10 to 2 dense ones")
@@ -87,7 +87,8 @@ def compare(
         list[str] | None, typer.Option(help="name; may be repeated; default: all that need no training")
     ] = None,
     max_error: Annotated[
-        str | None, typer.Option(help="largest RMSE: 0.05d in diameters, or in the variable's unit")
+        str | None,
+        typer.Option(help="largest RMSE: 0.05d in diameters, or in the variable's unit; timescales: 0.05d,0.1m/s"),
     ] = None,
     max_seconds: Annotated[float | None, typer.Option(help="longest time for one snapshot, s")] = None,
     held_out: Annotated[str | None, typer.Option(help="of --task unseen: speeds no surrogate is shown, 1/min")] = None,
@@ -116,6 +117,8 @@ def compare(
         _compare_beyond(context, runs[0], (variables, interval, observables), how, json)
     elif task == "observables":
         _compare_observables(context, runs[0], interval, how, json)
+    elif task == "timescales":
+        _compare_timescales(context, runs[0], (variables, interval, max_error), surrogate, json)
     else:
         limits = {"seeds": seeds, "training_seconds": training_seconds, "max_seconds": max_seconds}
         _compare_between(context, runs[0], (variables, interval, max_error), how | limits, json)
@@ -159,6 +162,29 @@ def _compare_beyond(
         show_beyond(answer)
         if observables:
             show_foreseen(answer["observables"])
+
+
+def _compare_timescales(
+    context: typer.Context,
+    path: Path,
+    asked: tuple[list[str] | None, str | None, str | None],
+    surrogate: list[str] | None,
+    json: Any,
+) -> None:
+    from suffice.refusal import Refusal
+    from suffice.run import Run
+    from suffice.show_timescales import show_timescales
+    from suffice.timescales import compare_timescales
+
+    variables, interval, max_error = asked
+    if surrogate is not None and len(surrogate) != 1:
+        raise Refusal("--task timescales takes one --surrogate, the same for all variables; name one")
+    limits = None if max_error is None else [max_error]
+    name = None if surrogate is None else surrogate[0]
+    with Run(path) as run, context.obj.stage("compare", "variables") as advance:
+        answer = compare_timescales(run, variables, _intervals(interval), name, limits, advance)
+    if tell(answer, json):
+        show_timescales(answer)
 
 
 def _compare_observables(context: typer.Context, path: Path, interval: str | None, how: Any, json: Any) -> None:

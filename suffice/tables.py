@@ -79,7 +79,7 @@ def show_combined(title: str, card: Mapping[str, Any]) -> None:
             bytes_text(part["storage_bytes"]),
         )
     for name, told in card["derived"].items():
-        table.add_row(f"{name} = d/dt {told['of']}", *[""] * 4, f"{number(told['rmse'])} {told['unit']}", "", "none")
+        table.add_row(name, "d/dt", *[""] * 3, f"{number(told['rmse'])} {told['unit']}", "", "none")
     facts = {key: card[key] for key in ("run", "surrogate", "window") if key in card}
     kept = {f"limit in {unit}": value for unit, value in card.get("limits", {}).items()}
     show_facts(title, {**facts, **kept, "storage": bytes_text(card.get("storage_bytes"))})

@@ -45,7 +45,7 @@ def test_no_allocation_that_keeps_the_limits_is_cheaper(problem):
     if least is not None:
         assert found.cost == pytest.approx(least, rel=1e-12)
         assert (found.totals <= limits * (1 + 1e-11)).all()
-    else:
+    elif (np.concatenate(burdens) > 0).all():  # no variable is independent of another
         shares = [min((b / limits).sum(axis=1)) for b in burdens]
         assert (found.totals / limits).sum() == pytest.approx(sum(shares))
 
@@ -83,6 +83,17 @@ def test_a_limit_that_is_the_sum_of_the_burdens_themselves_is_kept():
     burdens = [np.array([x]) for x in (0.1, 0.7, 0.3, 1e-17)]
     for order in ([0, 1, 2, 3], [3, 2, 1, 0], [2, 0, 3, 1]):
         assert allocate([[1.0]] * 4, burdens, sum(float(burdens[i][0]) for i in order)).kept
+
+
+@settings(max_examples=60, deadline=None)
+@given(problems(), problems())
+def test_variables_that_share_no_limit_are_allocated_as_if_alone(one, other):
+    costs = [*one[0], *other[0]]
+    burdens = [np.hstack([b, 0 * b]) for b in one[1]] + [np.hstack([0 * b, b]) for b in other[1]]
+    both = allocate(costs, burdens, np.concatenate([one[2], other[2]]))
+    alone = [allocate(*problem) for problem in (one, other)]
+    assert both.chosen == (*alone[0].chosen, *alone[1].chosen)
+    assert both.kept == all(found.kept for found in alone)
 
 
 def test_twelve_variables_of_sixty_alternatives_are_allocated_exactly():

@@ -322,7 +322,10 @@ def test_the_state_of_another_network_or_of_other_data_is_refused(tmp_path: Path
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"learning_rate": 2e-2}, "learning_rate is 0.02, the training to be resumed was begun with 0.01; give the same"),
+        (
+            {"learning_rate": 2e-2},
+            "learning_rate is 0.02, the training to be resumed was begun with 0.01; give the same",
+        ),
         ({"steps": 80}, "steps is 80, the training to be resumed was begun with 40"),
         ({"seed": 4}, "seed is 4, the training to be resumed was begun with 3"),
         ({"batch": None}, "batch is none, the training to be resumed was begun with 7"),
