@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from suffice.combined import begin, check_combined_place, check_plan, finish, read_combined_card
+from suffice.door import InterruptedRunError
 from suffice.model import read_model_card, training_stands
 from suffice.planning import Part, Plan, Wanted, parse_limits, plan_parts
 from suffice.progress import Reporter
@@ -109,16 +110,26 @@ def _combined(
             return done
     else:
         begin(folder, asked, [part.variable for part in plan.parts])
-    cards = {}
-    for part in plan.parts:
-        place, wish = folder / part.variable, _wish(part, request)
-        done = read_model_card(place) if request.resume else None
-        if done is None:
-            done = train_model(source, place, wish._replace(resume=wish.resume and training_stands(place)), reporter)
-        cards[part.variable] = done
+    try:
+        cards = {
+            part.variable: _trained(source, folder / part.variable, part, request, reporter) for part in plan.parts
+        }
+    except KeyboardInterrupt:
+        raise InterruptedRunError(
+            f"interrupted; finished parts stand in {folder}, the same command with --resume goes on"
+        ) from None
     card = _card(plan, cards, asked)
     finish(folder, card)
     return card
+
+
+def _trained(source: Path, place: Path, part: Part, request: Request, reporter: Reporter) -> dict[str, Any]:
+    """Train one part, or return the card of one that a resumed training has already finished."""
+    wish = _wish(part, request)
+    done = read_model_card(place) if request.resume else None
+    if done is not None:
+        return done
+    return train_model(source, place, wish._replace(resume=request.resume and training_stands(place)), reporter)
 
 
 def _card(plan: Plan, cards: Mapping[str, Mapping[str, Any]], asked: dict[str, Any]) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from safetensors.numpy import load_file
 
 from suffice.combined import PLAN, load_models, read_combined_card
 from suffice.combining import Request, train
+from suffice.door import InterruptedRunError
 from suffice.model import ARRAYS, CARD
 from suffice.progress import Reporter
 from suffice.refusal import Refusal
@@ -132,6 +133,7 @@ def test_a_combined_model_answers_all_variables_at_any_times_in_one_run(combined
     assert "d/dt" in told.out
 
 
+@pytest.mark.physics
 def test_a_combined_model_answers_bitwise_the_same_in_a_new_process(combined, tmp_path):
     folder, _ = combined
     times = np.linspace(0.0, 0.2, 37)
@@ -212,7 +214,7 @@ def test_an_interrupted_training_goes_on_with_the_parts_that_are_left(two_speeds
         return whole(source, place, wish, reporter)
 
     monkeypatch.setattr(combining, "train_model", stopping)
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(InterruptedRunError, match=r"finished parts stand in .*, the same command with --resume goes on"):
         train(two_speeds, folder, request, QUIET)
     assert (folder / PLAN).exists()
     with pytest.raises(Refusal, match="holds no model"):
@@ -229,6 +231,37 @@ def test_an_interrupted_training_goes_on_with_the_parts_that_are_left(two_speeds
     assert train(two_speeds, folder, request._replace(resume=True), QUIET) == read_combined_card(folder)
     assert card["parts"].keys() == {"position.x", "position.y", "position.z"}
     assert len(count) == 4
+
+
+@pytest.mark.physics
+def test_networks_are_combined_and_resumed_part_by_part(two_speeds, tmp_path, suffice):
+    words = (
+        "train", two_speeds, "--surrogate", "mlp", "--interval", "0.004", "--variable", "position.x", "--variable",
+        "velocity.x", "--max-seconds", "1", "-o", tmp_path / "model",
+    )  # fmt: skip
+    assert suffice(*words).code == 0
+    x, v = load_models(tmp_path / "model")
+    assert (x.variable, v.variable) == ("position.x", "velocity.x")
+    assert not v.moving  # a network has no derivative in closed form here: it has modes of its own
+    refused = suffice(*words, "--resume", "--seed", "1")
+    assert refused.code == 2
+    assert "seed is 1" in refused.err
+    (tmp_path / "model" / "velocity.x" / CARD).unlink()
+    (tmp_path / "model" / CARD).rename(tmp_path / "model" / PLAN)
+    (tmp_path / "model" / PLAN).write_text(json.dumps(json.loads((tmp_path / "model" / PLAN).read_text())["asked"]))
+    assert suffice(*words, "--resume").code == 0
+    assert np.array_equal(load_models(tmp_path / "model")[0].snapshots([0.01]), x.snapshots([0.01]))
+
+
+def test_a_single_network_is_not_resumed_with_another_seed(two_speeds, tmp_path, suffice):
+    words = (
+        "train", two_speeds, "--surrogate", "mlp", "--interval", "0.004", "--variable", "position.x", "--max-seconds",
+        "1", "-o", tmp_path / "model",
+    )  # fmt: skip
+    assert suffice(*words).code == 0
+    refused = suffice(*words, "--resume", "--seed", "1")
+    assert refused.code == 2
+    assert "seed is 1, the training to be resumed was begun with 0; give the same, or start it anew" in refused.err
 
 
 def test_one_interval_for_all_is_taken_as_it_is_given(two_speeds, tmp_path):
