@@ -7,28 +7,34 @@ import numpy as np
 
 from suffice.alternatives import case_of, fitted, judged_subsets, reduced_case
 from suffice.condensed import Array, Condensed
+from suffice.reconstruction import Case, Reduced
 from suffice.run import Run
 from suffice.selecting import thresholds_of
 
 Parts = Mapping[str, Mapping[str, Any]]  # variable: interval, modes, surrogate
 Pairs = Mapping[str, str]  # velocity: position
+Known = dict[tuple[str, float], tuple[Case, Reduced]]  # by variable and Δτ: decompositions that serve again
 
 
-def contradiction(run: Run, data: Mapping[str, Condensed], pairs: Pairs, parts: Parts) -> float | None:
+def contradiction(run: Run, data: Mapping[str, Condensed], pairs: Pairs, parts: Parts, known: Known) -> float | None:
     """RMSE in m/s of dx/dt - v of what parts predict at the dense times, None where no velocity has its position.
 
     Over the rows, mean over the times that all parts know; dx/dt by central differences at the dense interval. A
-    velocity without a part of its own is the derivative of its position. data: both condensed to the same rows.
+    velocity without a part of its own is the derivative of its position. data: both condensed to the same rows; known:
+    decompositions made so far, to which new ones are added.
     """
     if not pairs:
         return None
-    last = min(int(_training(run, part)[-1]) for part in parts.values()) + 1
+    for name, part in parts.items():
+        if (name, part["interval"]) not in known:
+            known[name, part["interval"]] = _decomposed(run, data[name], part["interval"])
+    cases = {name: known[name, part["interval"]] for name, part in parts.items()}
+    times = run.times[: min(int(case.training[-1]) for case, _ in cases.values()) + 1]
     found = []
     for velocity, position in pairs.items():
-        own = velocity in parts
-        x = _predicted(run, data[position], parts[position], last, moving=False)
-        name = velocity if own else position
-        found.append((x, _predicted(run, data[name], parts[name], last, moving=not own)))
+        name = velocity if velocity in parts else position
+        x = _predicted(cases[position], parts[position], times, moving=False)
+        found.append((x, _predicted(cases[name], parts[name], times, moving=velocity not in parts)))
     return _apart(run, found, sum(data[position].rows for position in pairs.values()))
 
 
@@ -49,17 +55,15 @@ def _apart(run: Run, pairs: Sequence[tuple[Array, Array]], rows: int) -> float |
     return float(np.sqrt(np.asarray(squares) / rows).mean())
 
 
-def _training(run: Run, part: Mapping[str, Any]) -> Any:
-    (subset,) = judged_subsets(run, [part["interval"]])
-    return subset.training
-
-
-def _predicted(run: Run, data: Condensed, part: Mapping[str, Any], last: int, *, moving: bool) -> Array:
-    """Prediction (r, last) at the first dense times, in condensed rows; `moving` gives its derivative instead."""
-    (subset,) = judged_subsets(run, [part["interval"]])
-    times, n = run.times[:last], part["modes"]
+def _decomposed(run: Run, data: Condensed, interval: float) -> tuple[Case, Reduced]:
+    (subset,) = judged_subsets(run, [interval])
     case = case_of(data, run.times, subset)
-    reduced = reduced_case(data, case, thresholds_of(data.variable).energy)
+    return case, reduced_case(data, case, thresholds_of(data.variable).energy)
+
+
+def _predicted(known: tuple[Case, Reduced], part: Mapping[str, Any], times: Array, *, moving: bool) -> Array:
+    """Prediction (r, times) in condensed rows; `moving` gives its derivative instead."""
+    (case, reduced), n = known, part["modes"]
     surrogate, modes = fitted(part["surrogate"], case, reduced, n), reduced.basis.modes[:, :n]
     if moving:
         return np.asarray(modes @ surrogate.derivative(times).T)

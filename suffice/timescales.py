@@ -13,7 +13,7 @@ from suffice.alternatives import (
     judged_subsets,
 )
 from suffice.condensed import Array, Condensed, condense
-from suffice.contradiction import contradiction, contradiction_of_truth
+from suffice.contradiction import Known, contradiction, contradiction_of_truth
 from suffice.planning import derived_velocities, parse_limits
 from suffice.quantities import velocity_of, whole_of
 from suffice.refusal import Refusal
@@ -186,9 +186,10 @@ def _level(study: Study, interval: float | None, limits: Mapping[str, float]) ->
         rows.append(_row(study, Way(BY_RULE, study.tables, alike=True), Allocation(chosen, 0.0, np.zeros(0), True)))
     for cost in COSTS:
         rows += [{**_row(study, way, _least(study, way, limits, cost)), "cost": cost} for way in ways]
+    known: Known = {}
     for row in rows:
         if row["cost"] != COSTS[1]:
-            row["contradiction"] = contradiction(study.run, study.data, study.derived, row["parts"])
+            row["contradiction"] = contradiction(study.run, study.data, study.derived, row["parts"], known)
     rival = next(row for row in rows if row["strategy"] == ALIKE and row["cost"] == COSTS[0])
     if rival["kept"]:
         most = rival["model_bytes"]

@@ -214,7 +214,7 @@ def test_an_interrupted_training_goes_on_with_the_parts_that_are_left(two_speeds
         return whole(source, place, wish, reporter)
 
     monkeypatch.setattr(combining, "train_model", stopping)
-    with pytest.raises(InterruptedRunError, match=r"finished parts stand in .*, the same command with --resume goes on"):
+    with pytest.raises(InterruptedRunError, match=r"finished parts stand in .* --resume goes on"):
         train(two_speeds, folder, request, QUIET)
     assert (folder / PLAN).exists()
     with pytest.raises(Refusal, match="holds no model"):
