@@ -1,5 +1,6 @@
 """The cheapest way to keep a limit on error, on time or on storage, said in one sentence."""
 
+import re
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -45,9 +46,9 @@ def parse_error(text: str) -> tuple[float, str]:
 
     Raises Refusal where it does not begin with a number.
     """
-    number = text.rstrip("dms/ ")
+    number, unit = re.fullmatch(r"\s*([-+.\d]*(?:[eE][-+]?\d+)?)(.*)", text, re.DOTALL).groups()  # type: ignore[union-attr]
     try:
-        return float(number), text[len(number) :].strip() or "m"
+        return float(number), unit.strip() or "m"
     except ValueError:
         raise Refusal(
             f"--max-error {text!r}: not an error; give diameters such as 0.05d, or a number with the variable's unit "

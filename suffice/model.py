@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save_file
 
-from suffice.quantities import QUANTITIES, Grid
+from suffice.quantities import QUANTITIES, Grid, velocity_of, whole_of
 from suffice.refusal import Refusal
 from surrogates import SURROGATES, InputError, Surrogate
 
@@ -30,11 +30,13 @@ class Model(NamedTuple):
     modes: NDArray[np.float64]  # (rows, n)
     particles: Mapping[str, NDArray[Any]]  # ids, radius (m) and species, (particles,) each
     card: Mapping[str, Any]
+    moving: bool = False  # it predicts the velocity of the positions it was trained on
 
     @property
     def variable(self) -> str:
         """Name of what it predicts, such as `position` or `position.x`."""
-        return str(self.card["variable"])
+        trained = str(self.card["variable"])
+        return velocity_of(trained) if self.moving else trained
 
     @property
     def grid(self) -> Grid | None:
@@ -44,6 +46,8 @@ class Model(NamedTuple):
 
     def snapshots(self, times: NDArray[np.float64], *, beyond: bool = False) -> NDArray[np.float64]:
         """Values (times, rows) at times in s. Raises surrogates.InputError outside the window, unless `beyond`."""
+        if self.moving:  # the mean position stands still
+            return np.asarray(self.surrogate.derivative(times, beyond=beyond) @ self.modes.T)
         coefficients = self.surrogate.predict(times, beyond=beyond)
         return np.asarray(self.mean + coefficients @ self.modes.T)
 
@@ -64,7 +68,10 @@ def training_stands(folder: Path) -> bool:
 
 
 def save_model(folder: Path, model: Model) -> None:
-    """Write arrays and card beside and rename them, the card last: without it there is no model."""
+    """Write arrays and card beside and rename them, the card last: without it there is no model.
+
+    Mean and modes are kept in the precision of the snapshots that they were made of.
+    """
     arrays = {"mean": model.mean, "modes": model.modes, **model.particles}
     arrays |= {FITTED + name: array for name, array in model.surrogate.state().items()}
     card = {**model.card, "kind": KIND, "version": VERSION, "versions": _versions()}
@@ -83,11 +90,17 @@ def save_model(folder: Path, model: Model) -> None:
 
 def read_model_card(folder: Path) -> dict[str, Any] | None:
     """Return the card of a model, None where the folder holds none or another kind of card."""
+    card = read_card(folder / CARD)
+    return card if card is not None and card.get("kind") == KIND else None
+
+
+def read_card(path: Path) -> dict[str, Any] | None:
+    """Return an object of JSON, None where the file holds none."""
     try:
-        card: Any = json.loads((folder / CARD).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        card: Any = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
         return None
-    return card if isinstance(card, dict) and card.get("kind") == KIND else None
+    return card if isinstance(card, dict) else None
 
 
 def load_model(folder: Path) -> Model:
@@ -104,7 +117,8 @@ def load_model(folder: Path) -> Model:
         arrays = load_file(folder / ARRAYS)
         fitted = {name.removeprefix(FITTED): array for name, array in arrays.items() if name.startswith(FITTED)}
         surrogate = member.from_state(fitted, card["settings"])
-        model = Model(surrogate, arrays["mean"], arrays["modes"], {name: arrays[name] for name in PARTICLES}, card)
+        mean, modes = (np.asarray(arrays[name], dtype=np.float64) for name in ("mean", "modes"))
+        model = Model(surrogate, mean, modes, {name: arrays[name] for name in PARTICLES}, card)
         _check_shapes(folder, model)
     except (SafetensorError, OSError, KeyError, ValueError, TypeError, InputError) as error:
         if isinstance(error, Refusal):
@@ -115,7 +129,7 @@ def load_model(folder: Path) -> Model:
 
 def _check_shapes(folder: Path, model: Model) -> None:
     """Refuse modes that do not fit the rows, the surrogate or the particles."""
-    whole = model.variable if model.variable in QUANTITIES else model.variable.rpartition(".")[0]
+    whole = whole_of(model.variable)
     if whole not in QUANTITIES:
         raise Refusal(f"{folder}: variable {model.variable!r} is not known; train the model again")
     size = 1 if whole != model.variable else QUANTITIES[whole].components

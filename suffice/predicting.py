@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from suffice.model import Model, load_model
+from suffice.combined import load_models
+from suffice.model import Model
 from suffice.progress import Reporter
-from suffice.quantities import AXES, QUANTITIES
+from suffice.quantities import AXES, QUANTITIES, whole_of
 from suffice.refusal import Refusal
 from suffice.store import RunWriter, check_place
 from suffice.wording import seconds_text
@@ -44,10 +45,11 @@ def predict_run(
 ) -> dict[str, Any]:
     """Write what models predict at these times (s) as a run that ParaView opens; return what was written.
 
-    folders: models of whole vectors, or of all three components of one, of the same particles or cells. Nothing is
+    folders: models of whole vectors, or of all three components of one, of the same particles or cells, or models that
+    combine such. Nothing is
     extrapolated unless `beyond`. Raises Refusal or surrogates.InputError before anything is written.
     """
-    models = [load_model(folder) for folder in folders]
+    models = [model for folder in folders for model in load_models(folder)]
     parts = _quantities(models)
     check_place(output)
     first = models[0]
@@ -89,8 +91,7 @@ def _quantities(models: Sequence[Model]) -> dict[str, list[Model]]:
     """Sort models by the quantity they predict: one of the whole, or one of each component."""
     found: dict[str, list[Model]] = {}
     for model in models:
-        whole = model.variable if model.variable in QUANTITIES else model.variable.rpartition(".")[0]
-        found.setdefault(whole, []).append(model)
+        found.setdefault(whole_of(model.variable), []).append(model)
         if not np.array_equal(model.particles["ids"], models[0].particles["ids"]):
             raise Refusal("models are of different particles; give models that were trained on the same run")
     for name, group in found.items():
@@ -134,8 +135,12 @@ def _provenance(models: Sequence[Model], beyond: bool) -> dict[str, str]:
     first = models[0]
     window = f"{seconds_text(first.surrogate.window_[0])} to {seconds_text(first.surrogate.window_[1])}"
     return {
-        "predicted": f"by {', '.join(str(m.card['surrogate']) for m in models)}, trained on {window}"
+        "predicted": f"by {', '.join(map(_named, models))}, trained on {window}"
         + (", extrapolated beyond it where asked" if beyond else ""),
         "models": json.dumps([dict(model.card) for model in models]),
         "suffice": version("suffice"),
     }
+
+
+def _named(model: Model) -> str:
+    return f"{model.card['surrogate']}{' (derivative)' if model.moving else ''}"

@@ -51,3 +51,13 @@ def _components(variable: str) -> list[str]:
     if QUANTITIES[variable].components == 1:
         return [variable]
     return [f"{variable}.{axis}" for axis in AXES]
+
+
+def whole_of(variable: str) -> str:
+    """Return the quantity that a variable is, or is a component of: `position` of `position.x` and of itself."""
+    return variable if variable in QUANTITIES else variable.rpartition(".")[0]
+
+
+def velocity_of(position: str) -> str:
+    """Return the name of the derivative of a position: `velocity.x` of `position.x`."""
+    return position.replace("position", "velocity", 1)

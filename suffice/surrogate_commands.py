@@ -12,34 +12,48 @@ import typer
 
 from suffice.options import Json, RunFile, Variables, tell
 
-TASKS = ("between", "beyond", "unseen", "observables")
+TASKS = ("between", "beyond", "unseen", "observables", "timescales")
 Seed = Annotated[int, typer.Option(help="of whatever is random in training")]
-Energy = Annotated[float, typer.Option(help="share of the energy that n_lr modes hold")]
 
 
 def train(
     context: typer.Context,
     run_file: RunFile,
-    variable: Annotated[str, typer.Option(help="such as position.x, position or fluid.velocity")],
-    interval: Annotated[float, typer.Option(help="Δτ between the snapshots used, s")],
-    surrogate: Annotated[str, typer.Option(help="name, such as spline, rbf, mlp, lstm")],
+    surrogate: Annotated[str, typer.Option(help="name, such as hermite, spline, rbf, mlp, lstm")],
+    variables: Annotated[
+        list[str] | None,
+        typer.Option("--variable", help="such as position.x or fluid.velocity; default positions and velocities"),
+    ] = None,
+    interval: Annotated[
+        str | None,
+        typer.Option(help="Δτ, s; default for each variable the largest that suffices, of 10 to 2 dense ones"),
+    ] = None,
+    max_error: Annotated[
+        list[str] | None,
+        typer.Option(help="instead: the fewest bytes within this RMSE, such as 0.05d or 0.1m/s; one for each unit"),
+    ] = None,
+    finest: Annotated[bool, typer.Option("--finest", help="take the finest Δτ where none suffices")] = False,
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="DIR")] = None,
     modes: Annotated[int | None, typer.Option(help="their number; default n_c, no fewer than n_lr")] = None,
-    energy: Energy = 0.999,
+    energy: Annotated[float | None, typer.Option(help="that n_lr modes hold; default 0.999, fluid 0.99")] = None,
     seed: Seed = 0,
     max_seconds: Annotated[float | None, typer.Option(help="longest training of a network, s")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="go on where an interrupted training stopped")] = False,
     json: Json = None,
 ) -> None:
-    """Fit one surrogate to the modes of a variable, and write it as a model."""
-    from suffice.tables import show_facts
-    from suffice.training import Wish, train_model
+    """Fit a surrogate to the modes of a variable and write it as a model; of several as one combined model."""
+    from suffice.combining import Request
+    from suffice.combining import train as train_run
+    from suffice.tables import show_combined, show_facts
 
-    folder = output or Path(f"{variable}-{surrogate}")
-    wish = Wish(variable, interval, surrogate, modes, energy, seed, max_seconds, resume)
-    answer = train_model(run_file, folder, wish, context.obj)
+    name = variables[0] if variables is not None and len(variables) == 1 else run_file.stem
+    folder = output or Path(f"{name}-{surrogate}")
+    request = Request(
+        surrogate, variables, _intervals(interval), max_error, finest, modes, energy, seed, max_seconds, resume
+    )
+    answer = train_run(run_file, folder, request, context.obj)
     if tell(answer, json):
-        show_facts(str(folder), answer)
+        (show_combined if "parts" in answer else show_facts)(str(folder), answer)
 
 
 def predict(
@@ -62,9 +76,9 @@ def predict(
 def compare(
     context: typer.Context,
     runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="one run; of --task unseen one per speed")],
-    task: Annotated[str, typer.Option(help="between snapshots, beyond the window, unseen speed, or observables")] = (
-        "between"
-    ),
+    task: Annotated[
+        str, typer.Option(help="between snapshots, beyond the window, unseen speed, observables, or timescales")
+    ] = ("between"),
     variables: Variables = None,
     interval: Annotated[
         str | None, typer.Option(help="Δτ as for select --intervals, s; default 10 to 2 dense ones")
@@ -73,7 +87,8 @@ def compare(
         list[str] | None, typer.Option(help="name; may be repeated; default: all that need no training")
     ] = None,
     max_error: Annotated[
-        str | None, typer.Option(help="largest RMSE: 0.05d in diameters, or in the variable's unit")
+        str | None,
+        typer.Option(help="largest RMSE: 0.05d in diameters, or in the variable's unit; timescales: 0.05d,0.1m/s"),
     ] = None,
     max_seconds: Annotated[float | None, typer.Option(help="longest time for one snapshot, s")] = None,
     max_bytes: Annotated[str | None, typer.Option(help="most to keep of a variable, such as 500kB or 2MB")] = None,
@@ -107,6 +122,8 @@ def compare(
         _compare_beyond(context, runs[0], (variables, interval, observables), how, json)
     elif task == "observables":
         _compare_observables(context, runs[0], interval, how, json)
+    elif task == "timescales":
+        _compare_timescales(context, runs[0], (variables, interval, max_error), surrogate, json)
     else:
         effort = {"seeds": seeds, "training_seconds": training_seconds, "precisions": precision}
         limits = (max_error, max_seconds, max_bytes)
@@ -157,6 +174,29 @@ def _compare_beyond(
         show_beyond(answer)
         if observables:
             show_foreseen(answer["observables"])
+
+
+def _compare_timescales(
+    context: typer.Context,
+    path: Path,
+    asked: tuple[list[str] | None, str | None, str | None],
+    surrogate: list[str] | None,
+    json: Any,
+) -> None:
+    from suffice.refusal import Refusal
+    from suffice.run import Run
+    from suffice.show_timescales import show_timescales
+    from suffice.timescales import compare_timescales
+
+    variables, interval, max_error = asked
+    if surrogate is not None and len(surrogate) != 1:
+        raise Refusal("--task timescales takes one --surrogate, the same for all variables; name one")
+    limits = None if max_error is None else [max_error]
+    name = None if surrogate is None else surrogate[0]
+    with Run(path) as run, context.obj.stage("compare", "variables") as advance:
+        answer = compare_timescales(run, variables, _intervals(interval), name, limits, advance)
+    if tell(answer, json):
+        show_timescales(answer)
 
 
 def _compare_observables(context: typer.Context, path: Path, interval: str | None, how: Any, json: Any) -> None:

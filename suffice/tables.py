@@ -128,6 +128,26 @@ def _widest(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     return found
 
 
+def show_combined(title: str, card: Mapping[str, Any]) -> None:
+    """Print what a combined model is made of, a line for each variable, and then its other facts."""
+    table = Table("variable", "Δτ", "modes", "n_lr", "n_c", "RMSE", "diameters", "storage", padding=(0, 0))
+    for name, part in card["parts"].items():
+        table.add_row(
+            name,
+            seconds_text(part["interval"]),
+            *(number(part[key]) for key in ("n_modes", "n_lr", "n_c")),
+            f"{number(part['rmse'])} {part['unit']}",
+            number(part["rmse_diameters"]),
+            bytes_text(part["storage_bytes"]),
+        )
+    for name, told in card["derived"].items():
+        table.add_row(name, "d/dt", *[""] * 3, f"{number(told['rmse'])} {told['unit']}", "", "none")
+    facts = {key: card[key] for key in ("run", "surrogate", "window") if key in card}
+    kept = {f"limit in {unit}": value for unit, value in card.get("limits", {}).items()}
+    show_facts(title, {**facts, **kept, "storage": bytes_text(card.get("storage_bytes"))})
+    Console().print(table)
+
+
 def show_facts(title: str, facts: Mapping[str, Any]) -> None:
     """Print names and values, one a line."""
     console = Console()

@@ -9,6 +9,7 @@ from pod import InputError as UnfitSnapshots
 from selection.errors import InputError as UnfitIntervals
 from selection.intervals import Subset, candidates
 from suffice.compare import CONSISTENCY
+from suffice.derived import velocity_rmse
 from suffice.door import InterruptedRunError
 from suffice.making import is_trained, made
 from suffice.model import Model, check_model_place, save_model
@@ -17,7 +18,7 @@ from suffice.reconstruction import Case, Reduced, consistent_level, projection_e
 from suffice.refusal import Refusal
 from suffice.run import Run
 from suffice.uneven import unfit
-from suffice.variables import held, held_rates, mean_diameter
+from suffice.variables import held, held_rates, held_velocity, mean_diameter
 from surrogates import SURROGATES, Network, Surrogate
 
 
@@ -40,7 +41,9 @@ def train_model(source: Path, folder: Path, wish: Wish, reporter: Reporter) -> d
     A network leaves its states and a log in the folder on the way and can be resumed. Raises Refusal,
     pod.InputError or surrogates.InputError for what cannot be used.
     """
-    _check_wish(wish)
+    check_wish(wish.surrogate)
+    if wish.resume and not is_trained(wish.surrogate):
+        raise Refusal(f"--resume with --surrogate {wish.surrogate}: only networks are trained in steps; leave it out")
     check_model_place(folder)
     with Run(source) as run:
         subset = _subset(run, wish.interval)
@@ -59,12 +62,11 @@ def train_model(source: Path, folder: Path, wish: Wish, reporter: Reporter) -> d
     return dict(model.card)
 
 
-def _check_wish(wish: Wish) -> None:
+def check_wish(surrogate: str) -> None:
+    """Refuse what is not trained on modes."""
     known = [name for name, member in SURROGATES.items() if not member.raw]
-    if wish.surrogate not in known:
-        raise Refusal(f"--surrogate {wish.surrogate!r} is not one that is trained on modes; use {', '.join(known)}")
-    if wish.resume and not is_trained(wish.surrogate):
-        raise Refusal(f"--resume with --surrogate {wish.surrogate}: only networks are trained in steps; leave it out")
+    if surrogate not in known:
+        raise Refusal(f"--surrogate {surrogate!r} is not one that is trained on modes; use {', '.join(known)}")
 
 
 def _subset(run: Run, interval: float) -> Subset:
@@ -89,12 +91,16 @@ def _fitted(wish: Wish, case: Case, reduced: Reduced, n: int, folder: Path, repo
     surrogate = made(wish.surrogate, wish.seed, wish.max_seconds)
     times, known = case.times[case.training], reduced.coefficients[case.training, :n]
     rates = None if reduced.rates is None else reduced.rates[:, :n]
-    if not isinstance(surrogate, Network):
-        return surrogate.fit(times, known, rates)
+    network = isinstance(surrogate, Network)
     try:
-        with reporter.stage("train", "steps") as advance:
-            surrogate.watched(folder, wish.resume, advance)
-            return surrogate.fit(times, known, rates)
+        with reporter.stage("train", "steps" if network else "fits") as advance:
+            if isinstance(surrogate, Network):
+                surrogate.watched(folder, wish.resume, advance)
+                return surrogate.fit(times, known, rates)
+            advance(0, 1)
+            surrogate.fit(times, known, rates)
+            advance(1, 1)
+            return surrogate
     except KeyboardInterrupt:
         raise InterruptedRunError(
             f"interrupted; the training stands in {folder}, the same command with --resume goes on"
@@ -106,6 +112,7 @@ def _model(run: Run, wish: Wish, case: Case, reduced: Reduced, surrogate: Surrog
     n, n_c = levels
     basis, variable = reduced.basis, run.variable(wish.variable)
     of_fluid = wish.variable.startswith("fluid.")
+    mean, modes = (part.astype(variable.dtype) for part in (basis.mean, basis.modes[:, :n]))
     card = {
         "surrogate": wish.surrogate,
         "settings": surrogate.settings(),
@@ -121,24 +128,32 @@ def _model(run: Run, wish: Wish, case: Case, reduced: Reduced, surrogate: Surrog
         "n_c": n_c,
         "thresholds": {"energy": wish.energy, "consistency": CONSISTENCY},
         "grid": None if not of_fluid or run.grid is None else [list(part) for part in run.grid],
+        "storage_bytes": mean.nbytes + modes.nbytes + sum(array.nbytes for array in surrogate.arrays().values()),
         "fit_seconds": surrogate.fit_seconds_,
         "training": training_remark(surrogate),
-        **_errors(run, case, reduced, surrogate, n),
+        **_errors(run, wish.variable, case, reduced, surrogate, n),
     }
     particles = {"ids": run.ids, "radius": run.radius, "species": run.species}
-    return Model(surrogate, basis.mean, np.ascontiguousarray(basis.modes[:, :n]), particles, card)
+    return Model(surrogate, mean, np.ascontiguousarray(modes), particles, card)
 
 
-def _errors(run: Run, case: Case, reduced: Reduced, surrogate: Surrogate, n: int) -> dict[str, Any]:
-    """Return errors between the training snapshots, None where there are none or a state map has no answer."""
+def _errors(run: Run, name: str, case: Case, reduced: Reduced, surrogate: Surrogate, n: int) -> dict[str, float | None]:
+    """Return errors between the training snapshots, None where there are none or a state map has no answer.
+
+    `velocity_rmse` is that of the derivative of a position in place of its stored velocity, m/s.
+    """
+    found: dict[str, float | None] = dict.fromkeys(("rmse", "projection_rmse", "rmse_diameters", "velocity_rmse"))
     if not len(case.unseen) or not surrogate.bridges:
-        return {"rmse": None, "projection_rmse": None, "rmse_diameters": None}
-    floor = projection_errors(reduced, case, n)
-    miss = surrogate.predict(case.times[case.unseen]) - reduced.coefficients[case.unseen, :n]
+        return found
+    floor, unseen = projection_errors(reduced, case, n), case.times[case.unseen]
+    miss = surrogate.predict(unseen) - reduced.coefficients[case.unseen, :n]
     rmse = float(np.sqrt(floor**2 + np.square(miss).sum(axis=1) / len(reduced.basis.mean)).mean())
-    diameter = mean_diameter(run) if getattr(case.values, "unit", "m") == "m" else None
-    return {
-        "rmse": rmse,
-        "projection_rmse": float(floor.mean()),
-        "rmse_diameters": rmse / diameter if diameter else None,
-    }
+    found |= {"rmse": rmse, "projection_rmse": float(floor.mean())}
+    diameter = mean_diameter(run)
+    if diameter and run.variable(name).unit == "m":
+        found["rmse_diameters"] = rmse / diameter
+    velocity = held_velocity(run, name) if surrogate.differentiable else None
+    if velocity is not None:
+        basis = reduced.basis._replace(modes=reduced.basis.modes[:, :n])
+        found["velocity_rmse"] = velocity_rmse(surrogate, basis, velocity, unseen, case.unseen)
+    return found

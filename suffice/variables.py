@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pod import RowSource
+from suffice.quantities import velocity_of
 from suffice.run import Run
 from surrogates import SURROGATES
 
@@ -35,10 +36,15 @@ def held(run: Run, name: str) -> RowSource:
 
 def held_rates(run: Run, name: str, surrogates: Sequence[str]) -> RowSource | None:
     """Return the derivative of a position, the stored velocity, if there is one and a surrogate asks for it."""
-    rate = name.replace("position", "velocity", 1)
-    stored = rate in run.variables or f"{rate}.x" in run.variables
     needed = any(SURROGATES[surrogate].needs_rates or SURROGATES[surrogate].uses_rates for surrogate in surrogates)
-    return held(run, rate) if name.startswith("position") and stored and needed else None
+    return held_velocity(run, name) if needed else None
+
+
+def held_velocity(run: Run, name: str) -> RowSource | None:
+    """Return the stored velocity of a position, `velocity.x` of `position.x`; None of other variables."""
+    rate = velocity_of(name)
+    stored = rate in run.variables or f"{rate}.x" in run.variables
+    return held(run, rate) if name.startswith("position") and stored else None
 
 
 def columns_of(source: Any, which: NDArray[np.intp]) -> NDArray[Any]:

@@ -18,6 +18,8 @@ class Hermite(Interpolant):
 
     name: ClassVar[str] = "hermite"
     needs_rates: ClassVar[bool] = True
+    columnwise: ClassVar[bool] = True
+    differentiable: ClassVar[bool] = True
 
     def _predict(
         self, times: NDArray[np.float64], _start: Array | None, _parameters: Array | None
@@ -31,6 +33,17 @@ class Hermite(Interpolant):
         between += (h * s * (1 - s) ** 2)[:, None] * rates[i]
         between -= (h * s**2 * (1 - s))[:, None] * rates[i + 1]
         return between
+
+    def _derivative(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        """ċ(t) = 6s(1-s)/h (c_{i+1} - c_i) + (1-s)(1-3s) ċ_i + s(3s-2) ċ_{i+1}; third order in Δτ."""
+        knots, values, rates, _ = self.series_
+        assert rates is not None, "fit has checked it"
+        i, s = place(times, knots)
+        h = knots[i + 1] - knots[i]
+        slope = (6 * s * (1 - s) / h)[:, None] * (values[i + 1] - values[i])
+        slope += ((1 - s) * (1 - 3 * s))[:, None] * rates[i]
+        slope += (s * (3 * s - 2))[:, None] * rates[i + 1]
+        return np.asarray(slope, dtype=np.float64)
 
 
 class RawHermite(Hermite):

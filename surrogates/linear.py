@@ -13,6 +13,7 @@ class Linear(Interpolant):
     """Piecewise linear interpolation, c(t) = (1-s) c_i + s c_{i+1}; second order in Δτ."""
 
     name: ClassVar[str] = "linear"
+    columnwise: ClassVar[bool] = True
 
     def _predict(
         self, times: NDArray[np.float64], _start: Array | None, _parameters: Array | None

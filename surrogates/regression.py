@@ -17,7 +17,7 @@ from torch import Tensor, nn
 
 from surrogates.errors import InputError
 from surrogates.training import Samples, Training
-from surrogates.training_state import Facts, State, read_state, write_state
+from surrogates.training_state import DECISIVE, Facts, State, read_state, write_state
 
 DIVERGED = 1e4  # times the first training error
 SAME = 0.01, 1e-5  # share and RMS by which the error of resumed weights may differ: rounding, no other samples
@@ -171,7 +171,8 @@ class Keeper(Callback):
     def _write(self, module: LightningModule, trainer: Trainer) -> None:
         if self._settings.folder is not None:
             facts = Facts(self.steps, self.best_step, self.best_error, self._since_best, self._first_loss)
-            write_state(self._settings.folder, State.of(facts, module, trainer.optimizers[0], self.best))
+            given = _decisive(self._settings)
+            write_state(self._settings.folder, State.of(facts, given, module, trainer.optimizers[0], self.best))
 
     def reason(self, settings: Training) -> str:
         """Say in words why the training stopped."""
@@ -191,6 +192,8 @@ class Keeper(Callback):
 def fit_network(network: nn.Module, training: Samples, validation: Samples, settings: Training) -> Keeper:
     """Train a network by Lightning and load the best weights into it; returns what was kept."""
     state = read_state(settings.folder) if settings.resume and settings.folder else None
+    if state is not None:
+        state.check_settings(_decisive(settings))
     module = Regression(network, settings, state)
     data = Snapshots(training, validation, settings, state.facts.steps if state else 0)
     keeper = Keeper(settings, data.batches, state)
@@ -207,6 +210,11 @@ def fit_network(network: nn.Module, training: Samples, validation: Samples, sett
     module.load_state_dict(keeper.best)
     network.eval()
     return keeper
+
+
+def _decisive(settings: Training) -> dict[str, float | None]:
+    """Return the settings that decide every step, and so what a resumed training has to have in common."""
+    return {name: getattr(settings, name) for name in DECISIVE}
 
 
 def _measured(module: Regression, samples: Samples) -> float:

@@ -18,6 +18,8 @@ class Spline(Interpolant):
     """
 
     name: ClassVar[str] = "spline"
+    columnwise: ClassVar[bool] = True
+    differentiable: ClassVar[bool] = True
 
     def _fit(self, series: Series) -> None:
         super()._fit(series)
@@ -27,3 +29,6 @@ class Spline(Interpolant):
         self, times: NDArray[np.float64], _start: Array | None, _parameters: Array | None
     ) -> NDArray[np.float64]:
         return np.asarray(self.curve_(self.series_.scaled(times)))
+
+    def _derivative(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(self.curve_(self.series_.scaled(times), 1)) / self.series_.interval

@@ -33,6 +33,8 @@ class Surrogate(ABC):
     bridges: ClassVar[bool] = True  # answers between the snapshots; a mere state map only steps from the last ones
     takes_parameters: ClassVar[bool] = False
     raw: ClassVar[bool] = False
+    columnwise: ClassVar[bool] = False  # fits every column by itself: fewer modes are the same curves, fewer of them
+    differentiable: ClassVar[bool] = False  # has a derivative in closed form
 
     window_: tuple[float, float]  # s, first and last training time
     interval_: float  # s, mean training interval Δτ
@@ -88,6 +90,20 @@ class Surrogate(ABC):
             self._refuse_outside(asked)
         return self._predict(asked, _optional(start), _optional(parameters))
 
+    def derivative(self, times: ArrayLike, *, beyond: bool = False) -> NDArray[np.float64]:
+        """d(values)/dt (times, modes) at `times` (any count and order,) s; of positions, the velocity.
+
+        Raises InputError: not differentiable; otherwise as `predict` does.
+        """
+        if not self.differentiable:
+            raise InputError(f"{self.name} has no derivative in closed form; use hermite or spline")
+        if not hasattr(self, "window_"):
+            raise InputError(f"{self.name} has not been fitted; call fit(times, values) before derivative")
+        asked = checked_times(times)
+        if not beyond:
+            self._refuse_outside(asked)
+        return self._derivative(asked)
+
     def settings(self) -> dict[str, Any]:
         """Hyperparameters by name, as given at construction."""
         return {name: getattr(self, name) for name in inspect.signature(type(self)).parameters}
@@ -123,6 +139,9 @@ class Surrogate(ABC):
     def _predict(
         self, times: NDArray[np.float64], start: Array | None, parameters: Array | None
     ) -> NDArray[np.float64]: ...
+
+    def _derivative(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        raise NotImplementedError
 
     @abstractmethod
     def _arrays(self) -> dict[str, NDArray[Any]]: ...

@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from surrogates.errors import InputError
 
 FILE = "training.safetensors"
+DECISIVE = ("steps", "learning_rate", "weight_decay", "batch", "checks", "patience", "seed")
 MOMENTS = ("step", "exp_avg", "exp_avg_sq")  # of AdamW
 
 
@@ -31,19 +32,34 @@ class State(NamedTuple):
     """Where a training stands."""
 
     facts: Facts
+    settings: Mapping[str, float | None]  # by name, that decide every step: a resumed training must have the same
     last: Mapping[str, Tensor]  # weights
     best: Mapping[str, Tensor]
     moments: Mapping[str, Tensor]  # of the optimiser, by number of the parameter and name
 
     @classmethod
     def of(
-        cls, facts: Facts, module: nn.Module, optimiser: torch.optim.Optimizer, best: Mapping[str, Tensor]
+        cls,
+        facts: Facts,
+        settings: Mapping[str, float | None],
+        module: nn.Module,
+        optimiser: torch.optim.Optimizer,
+        best: Mapping[str, Tensor],
     ) -> "State":
         """State of a module in training."""
         held = optimiser.state_dict()["state"]
         moments = {f"{k}.{name}": entry[name].cpu() for k, entry in held.items() for name in MOMENTS if name in entry}
         last = {name: value.detach().cpu() for name, value in module.state_dict().items()}
-        return cls(facts, last, best, moments)
+        return cls(facts, settings, last, best, moments)
+
+    def check_settings(self, wanted: Mapping[str, float | None]) -> None:
+        """Raise InputError, naming the first that differs, unless the training was begun with these settings."""
+        for name, value in wanted.items():
+            if self.settings[name] != value:
+                raise InputError(
+                    f"{name} is {_told(value)}, the training to be resumed was begun with "
+                    f"{_told(self.settings[name])}; give the same, or start it anew"
+                )
 
     def check_fits(self, module: nn.Module) -> None:
         """Raise InputError unless every tensor is one of this module, or of an AdamW of its parameters."""
@@ -69,13 +85,28 @@ class State(NamedTuple):
         optimiser.load_state_dict(whole)
 
 
+def _told(value: float | None) -> str:
+    return "none" if value is None else f"{value:g}"
+
+
+def _number(value: object) -> float | None:
+    """Return a number or None. Raises TypeError for anything else."""
+    if value is not None and not isinstance(value, int | float):
+        raise TypeError(f"{value!r} is no number")
+    return value
+
+
+def _metadata(state: State) -> dict[str, str]:
+    return {"facts": json.dumps(state.facts._asdict()), "settings": json.dumps(dict(state.settings))}
+
+
 def write_state(folder: Path, state: State) -> None:
     """Write a state beside and rename it."""
     groups = {"last": state.last, "best": state.best, "moments": state.moments}
     tensors = {f"{group}/{name}": t.contiguous().clone() for group, held in groups.items() for name, t in held.items()}
     folder.mkdir(parents=True, exist_ok=True)
     part = folder / f"{FILE}.part"
-    save_file(tensors, part, metadata={"facts": json.dumps(state.facts._asdict())})
+    save_file(tensors, part, metadata=_metadata(state))
     os.replace(part, folder / FILE)
 
 
@@ -86,10 +117,11 @@ def read_state(folder: Path) -> State | None:
     groups: dict[str, dict[str, Tensor]] = {"last": {}, "best": {}, "moments": {}}
     try:
         with safe_open(folder / FILE, framework="pt") as file:
-            said = json.loads((file.metadata() or {})["facts"])
+            said, settings = (json.loads((file.metadata() or {})[key]) for key in ("facts", "settings"))
             for key in file.keys():  # noqa: SIM118 (not a dict)
                 group, _, name = key.partition("/")
                 groups[group][name] = file.get_tensor(key)
-            return State(Facts(*(kind(said[name]) for name, kind in Facts.__annotations__.items())), **groups)
+            facts = Facts(*(kind(said[name]) for name, kind in Facts.__annotations__.items()))
+            return State(facts, {name: _number(settings[name]) for name in DECISIVE}, **groups)
     except (SafetensorError, KeyError, ValueError, TypeError, OSError, OverflowError, RecursionError) as error:
         raise InputError(f"{folder / FILE} is damaged ({error}); remove it and start the training anew") from None

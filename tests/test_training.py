@@ -278,11 +278,12 @@ def content(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
 @pytest.mark.parametrize(
     "facts", ["", "[]", "{}", '{"steps": "many"}', "[" * 100_000, '{"steps": 1e999}', "null"], ids=lambda f: f[:12]
 )
-def test_a_state_whose_facts_make_no_sense_is_refused(tmp_path: Path, facts: str) -> None:
+@pytest.mark.parametrize("which", ["facts", "settings"])
+def test_a_state_whose_facts_or_settings_make_no_sense_is_refused(tmp_path: Path, which: str, facts: str) -> None:
     settings = SETTINGS._replace(folder=tmp_path)
     run(settings)
-    tensors, _ = content(tmp_path / FILE)
-    save_file(tensors, tmp_path / FILE, metadata={"facts": facts})
+    tensors, known = content(tmp_path / FILE)
+    save_file(tensors, tmp_path / FILE, metadata=known | {which: facts})
     with pytest.raises(InputError, match=f"{FILE} is damaged"):
         run(settings._replace(resume=True))
 
@@ -316,6 +317,28 @@ def test_the_state_of_another_network_or_of_other_data_is_refused(tmp_path: Path
         run(settings._replace(resume=True), width=9)
     with pytest.raises(InputError, match=r"of other data: its best weights missed by 0\.\d+ there and miss by 1\.\d+"):
         run(settings._replace(resume=True), sine(11, sign=-1.0))
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (
+            {"learning_rate": 2e-2},
+            "learning_rate is 0.02, the training to be resumed was begun with 0.01; give the same",
+        ),
+        ({"steps": 80}, "steps is 80, the training to be resumed was begun with 40"),
+        ({"seed": 4}, "seed is 4, the training to be resumed was begun with 3"),
+        ({"batch": None}, "batch is none, the training to be resumed was begun with 7"),
+        ({"weight_decay": 0.1}, "weight_decay is 0.1"),
+        ({"patience": 3}, "patience is 3, the training to be resumed was begun with none"),
+    ],
+)
+def test_a_training_is_not_resumed_with_other_settings(tmp_path: Path, change: dict[str, Any], says: str) -> None:
+    settings = SETTINGS._replace(folder=tmp_path)
+    interrupt(settings, 4)
+    with pytest.raises(InputError, match=says):
+        run(settings._replace(resume=True, **change))
+    run(settings._replace(resume=True, max_seconds=60.0))  # how long it may take decides no step
 
 
 @pytest.mark.parametrize(
