@@ -10,7 +10,7 @@ from selection.errors import InputError
 from selection.feasibility import Thresholds, consistent_mode, feasibility_index, least_reconstructable_mode
 from selection.gram import ArraySnapshots, Snapshots
 from selection.intervals import default_intervals, dense_interval
-from selection.resolution import resolution_ratio
+from selection.resolution import resolution_ratio, spline_errors
 from selection.sweep import Candidate, Sweep, sweep
 
 __all__ = [
@@ -31,5 +31,6 @@ __all__ = [
     "project_from_factor",
     "project_from_gram",
     "resolution_ratio",
+    "spline_errors",
     "sweep",
 ]
