@@ -10,21 +10,27 @@ docs/rule.md says what they mean. Runs that stand (NAME.done) are not made again
 import argparse
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
-from rule_cases import Case, measure
-from rule_flows import FLOWS, SEEDS, make
+from rule_cases import Case, measure, measure_coarse
+from rule_extras import EXTRAS
+from rule_figures import draw_all
+from rule_flows import FLOWS, PROVOKED, SEEDS, Flow, make
+from rule_intervals import flows_table, ratios_table
 from rule_tables import sections
 
 from suffice.run import Run
 
+Measuring = Callable[[Run, Flow], list[Case]]
 
-def measured(name: str, folder: Path, results: Path) -> list[Case]:
+
+def measured(name: str, folder: Path, results: Path, measuring: Measuring = measure) -> list[Case]:
     """Return the cases of a run, measured now if they are not on disk."""
-    path = results / f"{name}.rule.json"
+    path = results / f"{name}.{'rule' if measuring is measure else 'coarse'}.json"
     if not path.exists():
         with Run(folder / f"{name}.h5") as run:
-            cases = measure(run, FLOWS[name]())
+            cases = measuring(run, FLOWS[name]())
         path.write_text(json.dumps(cases))
         print(f"{name}: {len(cases)} cases", file=sys.stderr, flush=True)
     found: list[Case] = json.loads(path.read_text())
@@ -45,11 +51,20 @@ def main() -> None:
         if not options.report:
             make(FLOWS[name](), options.runs)
             measured(name, options.runs, results)
+            measured(name, options.runs, results, measure_coarse)
     if options.only is not None:
         return
-    cases = [case for name in FLOWS if name not in SEEDS for case in measured(name, options.runs, results)]
+    counted = [name for name in FLOWS if name not in (*SEEDS, PROVOKED)]
+    cases = [case for name in counted for case in measured(name, options.runs, results)]
+    coarse = [case for name in counted for case in measured(name, options.runs, results, measure_coarse)]
+    if options.figures:
+        draw_all(cases, coarse, options.figures)
     for title, body in sections(cases):
         print(f"\n### {title}\n\n{body}", flush=True)
+    for title, of_scans in {"Runs": flows_table, "How much too fine": ratios_table}.items():
+        print(f"\n### {title}\n\n{of_scans(cases, coarse)}", flush=True)
+    for title, extra in EXTRAS.items():
+        print(f"\n### {title}\n\n{extra(options.runs)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,13 +1,14 @@
 """What the rule says of every variable and Δτ of a run, beside the errors that a finished model makes there."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from rule_flows import Flow
 
 from pod import RowSource, SnapshotMatrix
-from selection import Candidate, Thresholds, default_intervals, project_from_gram, spline_errors, sweep
+from selection import Candidate, Thresholds, dense_interval, project_from_gram, spline_errors, sweep
 from selection.intervals import candidates
 from suffice.compare import compare
 from suffice.rows import Variable
@@ -17,10 +18,12 @@ from suffice.variables import mean_diameter
 
 Case = dict[str, Any]
 DIGITS = 7
+STRIDES = range(10, 1, -1)  # the paper's scan, in dense intervals
+COARSE = (30, 27, 24, 21, 18, 16, 14, 12)  # beyond it, where only the inner products are asked
 
 
 def measure(run: Run, flow: Flow) -> list[Case]:
-    """Return a case for every variable that moves and every Δτ of the paper's scan, with the errors of all surrogates."""
+    """Return a case for every variable that moves and every Δτ of the scan, with the errors of all surrogates."""
     cases = []
     for name in default_variables(run):
         found = judged(run, name, flow)
@@ -30,8 +33,18 @@ def measure(run: Run, flow: Flow) -> list[Case]:
     return cases
 
 
+def measure_coarse(run: Run, flow: Flow) -> list[Case]:
+    """Return the cases at coarser Δτ, without the errors of surrogates but for the spline."""
+    return [case for name in default_variables(run) for case in judged(run, name, flow, strides=COARSE)]
+
+
 def judged(
-    run: Run, name: str, flow: Flow, particles: slice = slice(None), snapshots: slice = slice(None)
+    run: Run,
+    name: str,
+    flow: Flow,
+    particles: slice = slice(None),
+    snapshots: slice = slice(None),
+    strides: Sequence[int] = STRIDES,
 ) -> list[Case]:
     """Return the cases of one variable without the errors of surrogates, from part of the run if so asked."""
     variable = run.variable(name)
@@ -49,7 +62,7 @@ def judged(
     }
     return [
         {**label, "in_unit_of_flow": case["interval"] * flow.units_per_second, **case}
-        for case in gram_cases(W, times, limits)
+        for case in gram_cases(W, times, limits, strides)
     ]
 
 
@@ -58,12 +71,13 @@ def rate_of(run: Run, name: str) -> Variable:
     return run.variable(name.replace("position", "velocity", 1))
 
 
-def gram_cases(W: RowSource, times: Any, limits: Thresholds) -> list[Case]:
+def gram_cases(W: RowSource, times: Any, limits: Thresholds, strides: Sequence[int] = STRIDES) -> list[Case]:
     """Judge every Δτ of the scan, with the error of the spline at every n; W: (rows, snapshots)."""
     gram, rows = SnapshotMatrix(W).gram(), int(W.shape[0])
-    table = sweep(SnapshotMatrix(W), times, None, limits)
+    intervals = [float(f"{k * dense_interval(times):.12g}") for k in strides]
+    table = sweep(SnapshotMatrix(W), times, intervals, limits)
     cases = []
-    for candidate, subset in zip(table.candidates, candidates(times, default_intervals(times)), strict=True):
+    for candidate, subset in zip(table.candidates, candidates(times, intervals), strict=True):
         last = len(subset.testing)
         projection = project_from_gram(np.asarray(gram)[:last, :last], subset.training)
         stride = int(subset.training[1])
@@ -88,7 +102,7 @@ def as_case(candidate: Candidate, spline: Any, rows: int) -> Case:
 
 def add_errors_(cases: list[Case], run: Run, name: str) -> None:
     """Add to each case the errors of every surrogate without training on n_lr, n_c and all modes, and of raw ones."""
-    answer = compare(run, [name])
+    answer = compare(run, [name], energy=thresholds_of(name).energy)
     bases = {base["interval"]: base for base in answer["bases"]}
     for case in cases:
         base = bases[case["interval"]]
@@ -104,7 +118,7 @@ def add_errors_(cases: list[Case], run: Run, name: str) -> None:
 
 
 def correlation_time(values: Any) -> float:
-    """Time, in snapshots, in which the autocorrelation about the mean over time first falls to 1/e; inf if it never does.
+    """Return the time, in snapshots, in which the autocorrelation about the mean over time falls to 1/e; inf if never.
 
     values: (rows, snapshots). C(k) = Σ_rows mean_t v(t) v(t + k) / C(0); linear in between.
     """
