@@ -33,13 +33,13 @@ TIMES = np.arange(SNAPSHOTS) * 1e-3
 LIMITS = Thresholds()
 
 
-def falling_waves(rng, fastest=8.0, count=40):
+def falling_waves(rng, fastest=24.0, count=40):
     """Motion of waves of ever shorter period and smaller amplitude, and a little noise."""
     k = np.arange(1, count + 1)
     frequency = fastest * k / count / TIMES[-1]
     signals = np.cos(2 * np.pi * frequency[:, None] * TIMES + rng.uniform(0, 6, (count, 1)))
-    W = rng.standard_normal((ROWS, count)) @ (10.0 ** (-2.5 * k / count)[:, None] * signals)
-    return W + 1e-4 * rng.standard_normal(W.shape)
+    W = rng.standard_normal((ROWS, count)) @ (10.0 ** (-4 * k / count)[:, None] * signals)
+    return W + 1e-6 * rng.standard_normal(W.shape)
 
 
 def fast_vibration(rng):
