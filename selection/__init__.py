@@ -14,7 +14,7 @@ from selection.feasibility import Thresholds, consistent_mode, feasibility_index
 from selection.forecast import Forecast, Foreseen, Growth, check_duration, forecast, growth_of_modes
 from selection.gram import ArraySnapshots, InnerProducts, Snapshots, inner_products, square_root
 from selection.intervals import default_intervals, dense_interval
-from selection.resolution import resolution_ratio
+from selection.resolution import resolution_ratio, spline_errors
 from selection.sweep import Sweep, judge, sweep
 
 __all__ = [
@@ -47,6 +47,7 @@ __all__ = [
     "project_from_factor",
     "project_from_gram",
     "resolution_ratio",
+    "spline_errors",
     "square_root",
     "sweep",
     "without_truth",

@@ -1,0 +1,117 @@
+"""What K_f depends on besides Δτ: how many beads, how long, which packing; and networks on a small sample."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from rule_cases import Case, judged
+from rule_flows import FLOWS, PROVOKED, SEEDS
+from rule_intervals import at_feasibility, at_promise, told
+from rule_tables import table
+from rule_truth import promised, spline_breach
+
+from suffice.compare import compare
+from suffice.run import Run
+
+SCATTER = "box_medium"  # has two more packings
+SIZES = ("box_medium", "dry_medium")
+NETWORK_STRIDES = {"box_medium": (5, 2), "dry_medium": (10, 4), "wet_medium": (10, 4)}
+PROVOKED_STRIDES = (30, 26, 25, 24, 22, 20, 18, 16, 14, 13, 12, 10, 8, 6, 5, 4, 3, 2)
+TRAINING_SECONDS = 30.0
+
+
+def line(label: str, cases: Sequence[Case]) -> list[str]:
+    """Return n_lr, n_c and K_f at a middle Δτ, and the two critical Δτ in the flow's unit."""
+    middle = next(case for case in cases if case["stride"] == 4)
+    unit = middle["in_unit_of_flow"] / middle["interval"]
+    return [
+        label,
+        middle["variable"],
+        str(middle["n_snapshots"]),
+        str(middle["n_lr"]),
+        str(middle["n_c"]),
+        f"{middle['K_f']:.2f}",
+        told(at_feasibility(cases, 2.0), unit),
+        told(at_feasibility(cases, 1.0), unit),
+        told(at_promise(cases), unit),
+    ]
+
+
+def sizes_table(folder: Path) -> str:
+    """Halve and quarter the beads, halve the duration, and change the packing."""
+    rows = []
+    for name in SIZES:
+        with Run(folder / f"{name}.h5") as run:
+            n, last = run.n_particles, run.n_snapshots
+            parts: dict[str, tuple[slice, slice]] = {
+                "all": (slice(None), slice(None)),
+                "every second bead": (slice(0, n, 2), slice(None)),
+                "every fourth bead": (slice(0, n, 4), slice(None)),
+                "first half": (slice(None), slice(0, last // 2 + 1)),
+                "second half": (slice(None), slice(last // 2, last)),
+            }
+            for axis in "xyz":
+                rows += [
+                    line(f"{name}, {part}", judged(run, f"position.{axis}", FLOWS[name](), *slices))
+                    for part, slices in parts.items()
+                ]
+    for name in (SCATTER, *SEEDS):
+        with Run(folder / f"{name}.h5") as run:
+            rows += [line(name, judged(run, f"position.{axis}", FLOWS[name]())) for axis in "xyz"]
+    head = ["run", "variable", "snapshots", "n_lr", "n_c", "K_f at 4 Δt", "Δτ at K_f = 2", "at K_f = 1", "at T1 = 1.10"]
+    return table(head, rows)
+
+
+def networks_table(folder: Path) -> str:
+    """Train the multilayer network on position.x of three runs at two Δτ each, beside the spline."""
+    rows = []
+    for name, strides in NETWORK_STRIDES.items():
+        with Run(folder / f"{name}.h5") as run:
+            asked = [float(f"{k * run.interval:.12g}") for k in strides] if run.interval else []
+            answer = compare(run, ["position.x"], asked, ["spline", "mlp"], training_seconds=TRAINING_SECONDS)
+            known = {case["interval"]: case for case in judged(run, "position.x", FLOWS[name]())}
+        for interval in asked:
+            case = min(known.values(), key=lambda one: abs(one["interval"] - interval))
+            errors = {
+                row["surrogate"]: row["rmse"]
+                for row in answer["rows"]
+                if row["interval"] == interval and row["modes"] == case["n_lr"]
+            }
+            ratios = [f"{errors[who] / promised(case):.2f}" for who in ("spline", "mlp")]
+            rows.append([name, str(case["stride"]), f"{case['K_f']:.2f}", *ratios])
+    return table(["run", "Δτ/Δt", "K_f", "spline, E/E_train at n_lr", "mlp"], rows)
+
+
+def provoked_table(folder: Path) -> str:
+    """Sample a box that is shaken too gently for its beads to fly, ever more coarsely."""
+    rows = []
+    with Run(folder / f"{PROVOKED}.h5") as run:
+        for case in judged(run, "position.z", FLOWS[PROVOKED](), strides=PROVOKED_STRIDES):
+            R_a = "–" if case["R_a"] is None else f"{case['R_a']:.2f}"
+            rows.append(
+                [
+                    f"{case['in_unit_of_flow']:g} %",
+                    str(case["n_snapshots"]),
+                    str(case["n_lr"]),
+                    str(case["n_c"]),
+                    f"{case['K_f'] or 0:.2f}",
+                    R_a,
+                    case["verdict"],
+                    f"{spline_breach(case):.2f}",
+                ]
+            )
+    head = ["Δτ, of a period", "snapshots", "n_lr", "n_c", "K_f", "R_a", "our verdict", "spline, E/E_train at n_lr"]
+    return table(head, rows)
+
+
+EXTRAS: dict[str, Callable[[Path], str]] = {
+    "Beads, duration, packing": sizes_table,
+    "A box made to deceive the rule, position.z": provoked_table,
+    "Networks, a sample": networks_table,
+}
+
+
+def share_of_snapshots(cases: Sequence[Case]) -> tuple[float, float, float]:
+    """Return quantiles 10, 50, 90 % of n_c over the number of training snapshots."""
+    low, middle, high = np.quantile([case["n_c"] / case["n_snapshots"] for case in cases], [0.1, 0.5, 0.9])
+    return float(low), float(middle), float(high)
