@@ -78,7 +78,7 @@ def select_run(
 
     variables: names of the run, components or whole vectors, default the components of all but spins. intervals: Δτ in
     s, default ten to two dense intervals. Of several ranks each reads its own rows.
-    Raises Refusal for unknown variables and for times or intervals that cannot be used.
+    Raises Refusal for unknown variables, for times or intervals that cannot be used, and values that are not finite.
     """
     names = list(dict.fromkeys(variables)) if variables else default_variables(run)
     limits = {name: thresholds_of(name, thresholds) for name in names}
