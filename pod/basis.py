@@ -1,5 +1,6 @@
 """The modes of the snapshots: proper orthogonal decomposition by Lanczos."""
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -17,6 +18,7 @@ from pod.routes import BLOCK, Choice, Problem, choose_route
 from pod.snapshots import RowSource, SnapshotMatrix, as_matrix
 from pod.truncation import Truncation, checked, wanted_by
 
+PAPER_SHARE = 0.8  # of the eigenvalues, in the paper's denominator of I(p)
 GRAM_BLOCK = 8  # vectors that Lanczos multiplies the Gram matrix by at once
 
 
@@ -33,7 +35,8 @@ class Basis(NamedTuple):
     total_energy: float  # trace(A), exact
     ratio: Array  # (p,) Lanczos ratio I = Σ_{i≤p} λ_i / trace(A), paper eq. (28)
     n_lr: int | None  # least reconstructable mode; None if it lies beyond the modes kept
-    n_lr_paper: int | None  # the same with the paper's denominator, the Ritz values of the steps taken
+    n_lr_paper: int | None  # the same of the leading 80 % of the eigenvalues; None where so many are not known
+    n_lr_ritz: int | None  # the same of the Ritz values of the steps taken, however few
     steps: int  # vectors of the Krylov space; 0 for a dense decomposition
     route: str  # "gram": on inner products formed once; "block": reading all rows every step; "svd": dense
     route_reason: str  # why this route
@@ -147,7 +150,7 @@ def _basis(matrix: SnapshotMatrix, pairs: RitzPairs, total: float, energy: float
     values, vectors = pairs.values.cpu().numpy(), pairs.vectors.cpu().numpy()
     # W̃ v = (W - w₀) v only for v orthogonal to ones, which rounding has spoilt where λ is small
     made = modes_of(matrix, (vectors - vectors.mean(axis=0)) / np.sqrt(values * matrix.shape[1]))
-    basis = basis_of(made, values, total, energy, choice, pairs.ritz_sum)
+    basis = basis_of(made, values, total, energy, choice, Spectrum(pairs.ritz.cpu().numpy(), matrix.shape[1]))
     return basis._replace(
         residuals=pairs.residuals.cpu().numpy()[: len(basis.values)],
         steps=pairs.steps,
@@ -157,14 +160,25 @@ def _basis(matrix: SnapshotMatrix, pairs: RitzPairs, total: float, energy: float
     )
 
 
-def basis_of(
-    made: Modes, values: Array, total: float, energy: float, choice: Choice, ritz_sum: float | None = None
-) -> Basis:
+class Spectrum(NamedTuple):
+    """What is known of all eigenvalues of A, for the denominators that the paper takes."""
+
+    ritz: Array  # (k,) Ritz values, descending
+    size: int  # N_t, eigenvalues there are, zeros included
+
+    def leading(self, total: float) -> float | None:
+        """Σ of the leading 80 % of the eigenvalues ("e.g., 80 % of total data"), None where fewer are known."""
+        count = math.ceil(PAPER_SHARE * self.size)
+        whole = self.ritz.sum() >= total * (1.0 - self.size * EPSILON)
+        return float(self.ritz[:count].sum()) if whole or len(self.ritz) >= count else None
+
+
+def basis_of(made: Modes, values: Array, total: float, energy: float, choice: Choice, spectrum: Spectrum) -> Basis:
     """Basis from modes, those that could be made orthogonal, and all λ; nothing is known of a Lanczos process."""
     p = made.modes.shape[1]
     lost = len(values) - p
     capped = f"; {lost} modes left out, not orthogonal to the others within rounding" if lost else ""
-    cumulative = np.cumsum(values[:p])
+    cumulative, leading = np.cumsum(values[:p]), spectrum.leading(total)
     return Basis(
         mean=made.mean,
         modes=made.modes,
@@ -173,7 +187,8 @@ def basis_of(
         total_energy=total,
         ratio=cumulative / total,
         n_lr=_reach(cumulative, energy * total),
-        n_lr_paper=_reach(cumulative, energy * (ritz_sum or float(values.sum()))),
+        n_lr_paper=None if leading is None else _reach(cumulative, energy * leading),
+        n_lr_ritz=_reach(cumulative, energy * float(spectrum.ritz.sum())),
         steps=0,
         route=choice.route,
         route_reason=choice.reason,

@@ -18,7 +18,7 @@ class Convergence(NamedTuple):
     ratio: Array  # (points,) Σ_{i≤p} θ_i / trace(A)
     paper_ratio: Array  # (points,) Σ_{i≤p} θ_i / Σ_{all k} θ_i, the paper's denominator
     n_lr: NDArray[np.int64]  # (points,) modes that hold the energy asked for, of the exact total; 0 for not yet
-    n_lr_paper: NDArray[np.int64]  # (points,) the same of the paper's denominator
+    n_lr_ritz: NDArray[np.int64]  # (points,) the same of the paper's denominator, the Ritz values there are
 
 
 def lanczos_convergence(basis: Basis, modes: int | None = None, energy: float = 0.999) -> Convergence:
@@ -34,8 +34,8 @@ def lanczos_convergence(basis: Basis, modes: int | None = None, energy: float = 
         sums = np.cumsum(np.linalg.eigvalsh(basis.tridiagonal[:step, :step])[::-1])
         held = sums[min(p, step) - 1]
         rows.append((held / total, held / sums[-1], _reach(sums, energy * total), _reach(sums, energy * sums[-1])))
-    ratio, paper, n_lr, n_lr_paper = np.array(rows).reshape(-1, 4).T
-    return Convergence(steps, ratio, paper, n_lr.astype(int), n_lr_paper.astype(int))
+    ratio, paper, n_lr, n_lr_ritz = np.array(rows).reshape(-1, 4).T
+    return Convergence(steps, ratio, paper, n_lr.astype(int), n_lr_ritz.astype(int))
 
 
 def _reach(sums: Array, energy: float) -> int:

@@ -27,4 +27,4 @@ def dense_pairs(matrix: SnapshotMatrix, wanted: Wanted) -> RitzPairs:
         p, reason = rank, f"rank {rank}: dense decomposition; smaller singular values are rounding"
     bounds = torch.full_like(values[:p], EPSILON * float(values[0]))
     none = torch.zeros((0, 0), dtype=torch.float64)
-    return RitzPairs(values[:p], vectors[:, :p], bounds, 0, float(values.sum()), reason, none)
+    return RitzPairs(values[:p], vectors[:, :p], bounds, 0, values, reason, none)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pod.basis import Basis, basis_of
+from pod.basis import Basis, Spectrum, basis_of
 from pod.errors import InputError
 from pod.gram import Array
 from pod.lanczos import EPSILON
@@ -89,7 +89,7 @@ def enriched_pod(
     combined -= mean[:, None] * combined[: int(positions.shape[1])].sum(axis=0)
     choice = Choice("gram", f"inner products of positions and velocities, ω = {tried[best]:g}")
     made = modes_of(joined, combined, mean)
-    basis = basis_of(made, values, total, reconstructable, choice)
+    basis = basis_of(made, values, total, reconstructable, choice, Spectrum(values, len(columns)))
     return Enriched(basis, float(tried[best]), tried, errors, between)
 
 

@@ -22,7 +22,7 @@ class RitzPairs(NamedTuple):
     vectors: Tensor  # (n, p) orthonormal
     residuals: Tensor  # (p,) ‖A x - θ x‖ = ‖β_k y_ki‖, a bound on the error of the value
     steps: int  # k, vectors of the Krylov space
-    ritz_sum: float  # Σ of all k Ritz values, the paper's total
+    ritz: Tensor  # (k,) all Ritz values, descending; of a dense decomposition all eigenvalues
     reason: str  # why it stopped
     tridiagonal: Tensor  # (k, k) T_k, by blocks
 
@@ -57,8 +57,8 @@ def lanczos(
             krylov.extend()
         pairs = _finished(krylov, wanted, trace, tolerance)
         if pairs is not None:
-            values, vectors, residuals, steps, total, reason, T = pairs
-            return RitzPairs(values * trace, vectors, residuals * trace, steps, total * trace, reason, T * trace)
+            values, vectors, residuals, steps, ritz, reason, T = pairs
+            return RitzPairs(values * trace, vectors, residuals * trace, steps, ritz * trace, reason, T * trace)
 
 
 def _finished(krylov: "_Krylov", wanted: Wanted, trace: float, tolerance: float) -> RitzPairs | None:
@@ -87,7 +87,7 @@ def _finished(krylov: "_Krylov", wanted: Wanted, trace: float, tolerance: float)
     if p is None or p > rank:
         p, reason = rank, f"rank {rank}: {reason}; smaller eigenvalues are noise"
     found = ritz[:p], krylov.ritz_vectors(y[:, :p]), bounds[:p]
-    return RitzPairs(*found, krylov.steps, float(ritz.sum()), reason, krylov.tridiagonal)
+    return RitzPairs(*found, krylov.steps, ritz, reason, krylov.tridiagonal)
 
 
 class _Krylov:

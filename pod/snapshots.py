@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
 from pod.errors import InputError
-from pod.gram import Array, compute_device, gram_groups
+from pod.gram import Array, Parts, compute_device, gram_parts
 from pod.ranks import ALONE, Ranks
 from pod.workers import Tile, in_parallel, sum_of, workers_for
 
@@ -98,18 +98,15 @@ class SnapshotMatrix:
     def row_blocks(self) -> Iterator[Array]:
         """Blocks (b, N_t) of this process's rows, double precision, no weights. Raises InputError for NaN or inf."""
         for start, values in self._read():
-            block = np.ascontiguousarray(values, dtype=np.float64)
-            if not np.isfinite(block).all():
-                raise _not_finite(start, block)
-            yield block
+            yield self._finite(start, values)
 
-    def each(self, work: Callable[[Iterator[Tile]], T], as_they_are: bool = False) -> list[T]:
+    def each(self, work: Callable[[Iterator[Tile]], T], as_they_are: bool = False, held: int = 0) -> list[T]:
         """Results of a piece of work done by every thread on its share of the tiles of this process's rows.
 
         A value that is not finite goes through, into all that is summed from it. as_they_are: tiles may be about the
-        origin instead of the first snapshot, where that spares a copy.
+        origin instead of the first snapshot, where that spares a copy. held: values of the sums that each thread holds.
         """
-        workers = 1 if self.device.type != "cpu" else workers_for(self.own.stop - self.own.start, self._height)
+        workers = 1 if self.device.type != "cpu" else workers_for(self.own.stop - self.own.start, self._height, held)
         return in_parallel(lambda worker: work(self._tiles(worker, workers, as_they_are)), workers)
 
     @property
@@ -166,17 +163,35 @@ class SnapshotMatrix:
 
     def gram_groups(self, groups: int) -> Array:
         """Gram matrix split over groups of particles, (groups, N_t, N_t), from one pass; their sum is `gram()`."""
+        found: Array = self._parts(groups, (range(self.rows_per_particle),))[0]
+        return found
+
+    def component_gram_groups(self, groups: int, components: Sequence[int]) -> Array:
+        """Gram matrices of some components of a vector, likewise split: (components, groups, N_t, N_t), from one pass.
+
+        Summed over all components they are `gram_groups()`. Raises InputError for a component that there is not.
+        """
+        if not set(components) <= set(range(self.rows_per_particle)):
+            raise InputError(f"components: {list(components)} of {self.rows_per_particle}")
+        return self._parts(groups, [(row,) for row in components])
+
+    def _parts(self, groups: int, components: Sequence[Sequence[int]]) -> Array:
         if groups < 1:
             raise InputError(f"groups: {groups}; give at least 1")
-        return self.summed(self.ranks.agreed(lambda: self._own_groups(groups)))
+        return self.summed(self.ranks.agreed(lambda: self._own_parts(groups, components)))
 
-    def _own_groups(self, groups: int) -> Array:
-        size, together, device = self.shape[1], self.rows_per_particle, self.device
-        parts = self.each(lambda tiles: gram_groups(tiles, size, groups, together, device))
-        found, still = sum_of([part[0] for part in parts]), sum(part[1] for part in parts)
-        squares = np.einsum("gtt->t", found)
-        self.check_energy(squares)
-        self.near = still <= NEAR**2 * float(squares.mean())
+    def _own_parts(self, groups: int, components: Sequence[Sequence[int]]) -> Array:
+        size, per, device = self.shape[1], self.rows_per_particle, self.device
+
+        def own(tiles: Iterator[Tile]) -> Parts:
+            return gram_parts(tiles, size, groups, components, per, device)
+
+        parts = self.each(own, held=len(components) * groups * size**2)
+        found, moved = sum_of([part.grams for part in parts]), np.any([part.moved for part in parts], axis=0)
+        squares = np.einsum("cgtt->ct", found)
+        for k in np.flatnonzero(moved):
+            self.check_energy(squares[k], components[int(k)])
+        self.near = sum(part.still for part in parts) <= NEAR**2 * float(squares.sum(axis=0).mean())
         return found
 
     def summed(self, values: Array) -> Array:
@@ -214,20 +229,38 @@ class SnapshotMatrix:
         self.check_energy(total)
         return total
 
-    def check_energy(self, squares: Array) -> None:
-        """Refuse squares (N_t,) of snapshots that are not finite, or where motion is lost in them (InputError)."""
+    def check_energy(self, squares: Array, components: Sequence[int] | None = None) -> None:
+        """Refuse squares (N_t,) of snapshots that are not finite, or where motion is lost in them (InputError).
+
+        components: of a vector that the squares are of, default all.
+        """
         largest = float(squares.max(initial=0.0)) if np.isfinite(squares).all() else np.inf
         if SQUARES_FIT[0] < largest < SQUARES_FIT[1]:
             return
-        moved = 0.0
-        for block in self.row_blocks():  # stops at the first NaN or infinity, and says where
+        moved, per = 0.0, self.rows_per_particle
+        for start, values in self._read():
+            block = self._finite(start, values)  # stops at the first NaN or infinity, and says where
+            own = np.isin(np.arange(start, start + len(block)) % per, range(per) if components is None else components)
             with np.errstate(over="ignore"):
-                moved = max(moved, float(np.abs(block - block[:, :1]).max()))
+                moved = max(moved, float(np.abs(block - block[:, :1])[own].max(initial=0.0)))
         if moved > 0.0:
             raise InputError(
                 f"snapshots: they move by {moved:.3g}, whose square a double cannot hold; choose a unit in which they "
                 "move by 1e-140 to 1e140"
             )
+
+    def _finite(self, start: int, values: NDArray[Any]) -> Array:
+        """Return a block in double precision, or refuse it."""
+        block = np.ascontiguousarray(values, dtype=np.float64)
+        if not np.isfinite(block).all():
+            row, snapshot = np.argwhere(~np.isfinite(block))[0]
+            particle, component = divmod(start + row, self.rows_per_particle)
+            place = f" (component {component} of particle or cell {particle})" if self.rows_per_particle > 1 else ""
+            raise InputError(
+                f"snapshots: row {start + row}{place} of snapshot {snapshot} is {block[row, snapshot]}; "
+                "repair the run or leave the snapshot out"
+            )
+        return block
 
 
 def _checked_weights(weights: ArrayLike, rows: int) -> Array:
@@ -238,14 +271,6 @@ def _checked_weights(weights: ArrayLike, rows: int) -> Array:
         row = int(np.argmin(np.isfinite(found) & (found > 0.0)))
         raise InputError(f"weights: {found[row]} at row {row}; give positive ones, or leave the row out")
     return found
-
-
-def _not_finite(start: int, block: Array) -> InputError:
-    row, snapshot = np.argwhere(~np.isfinite(block))[0]
-    return InputError(
-        f"snapshots: row {start + row} of snapshot {snapshot} is {block[row, snapshot]}; "
-        "repair the run or leave the snapshot out"
-    )
 
 
 def _as_slice(columns: NDArray[np.intp]) -> "slice | NDArray[np.intp]":

@@ -11,6 +11,7 @@ from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]
 from pod.gram import Array
 
 T = TypeVar("T")
+HELD_VALUES = 2**27  # of the sums of all threads, 1 GiB: beyond it one thread forms them, its products on all cores
 MOST_WORKERS = 4  # each holds sums of its own; beyond them the products have the other threads
 
 
@@ -22,9 +23,13 @@ class Tile(NamedTuple):
     first: Array  # (b,) w₀ √weight
 
 
-def workers_for(rows: int, height: int) -> int:
-    """Threads for so many rows in tiles of such a height: as many as torch has, a few tiles for each."""
-    return max(1, min(torch.get_num_threads(), MOST_WORKERS, rows // (4 * height)))
+def workers_for(rows: int, height: int, held: int = 0) -> int:
+    """Threads for so many rows in tiles of such a height: as many as torch has, a few tiles for each.
+
+    held: values of the sums that each would hold.
+    """
+    fit = HELD_VALUES // held if held else MOST_WORKERS
+    return max(1, min(torch.get_num_threads(), MOST_WORKERS, rows // (4 * height), fit))
 
 
 def in_parallel(work: Callable[[int], T], workers: int) -> list[T]:

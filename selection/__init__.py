@@ -1,20 +1,21 @@
 """Which snapshot interval Δτ is dense enough, decided before any surrogate is trained.
 
 Reading order: `intervals` (which snapshots a candidate keeps), `gram` (the snapshots as inner products), `consistency`
-(projection errors and their ratio R_c), `feasibility` (n_lr, n_c, K_f and the verdict), `resolution` (R_a), `sweep`
-(all of it for every Δτ in one pass), `coarse` (a run without a denser one beside it),
-`forecast` (a run that goes on).
+(projection errors and their ratio R_c), `feasibility` (n_lr, n_c, K_f and the verdict), `resolution` (R_a), `candidate`
+(all of it for one Δτ), `sweep` (for every Δτ in one pass), `coarse` (a run without a denser one beside it), `forecast`
+(a run that goes on).
 """
 
+from selection.candidate import Candidate
 from selection.coarse import Bounded, Coarse, intervals_without_truth, without_truth
 from selection.consistency import Consistency, Projection, consistency, project_from_factor, project_from_gram
 from selection.errors import InputError
 from selection.feasibility import Thresholds, consistent_mode, feasibility_index, least_reconstructable_mode
 from selection.forecast import Forecast, Foreseen, Growth, check_duration, forecast, growth_of_modes
-from selection.gram import ArraySnapshots, Snapshots
+from selection.gram import ArraySnapshots, InnerProducts, Snapshots, inner_products, square_root
 from selection.intervals import default_intervals, dense_interval
 from selection.resolution import resolution_ratio
-from selection.sweep import Candidate, Sweep, sweep
+from selection.sweep import Sweep, judge, sweep
 
 __all__ = [
     "ArraySnapshots",
@@ -25,6 +26,7 @@ __all__ = [
     "Forecast",
     "Foreseen",
     "Growth",
+    "InnerProducts",
     "InputError",
     "Projection",
     "Snapshots",
@@ -38,11 +40,14 @@ __all__ = [
     "feasibility_index",
     "forecast",
     "growth_of_modes",
+    "inner_products",
     "intervals_without_truth",
+    "judge",
     "least_reconstructable_mode",
     "project_from_factor",
     "project_from_gram",
     "resolution_ratio",
+    "square_root",
     "sweep",
     "without_truth",
 ]

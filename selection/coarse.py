@@ -6,12 +6,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from selection.candidate import Candidate
 from selection.consistency import project_from_gram
 from selection.errors import InputError
 from selection.feasibility import FEWEST_SNAPSHOTS, Thresholds
 from selection.intervals import dense_interval
 from selection.resolution import resolution_ratio
-from selection.sweep import Candidate, Sweep
+from selection.sweep import Sweep
 
 MOST_GROWTH = 1.5  # of n_c as Δτ is halved: less than what was measured on every flow, see docs/selection.md
 

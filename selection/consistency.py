@@ -15,7 +15,7 @@ class Projection(NamedTuple):
     """All testing snapshots on all modes of the training set, about the training mean (paper eqs. (31)-(32))."""
 
     eigenvalues: Array  # (p,) of A = W̃ W̃ᵀ / m, descending
-    coefficients: Array  # (testing, p)
+    coefficients: Array  # (testing, p), fewer columns where fewer modes were wanted
     outside: Array  # (testing,) squared norm of what no mode represents; zero at training times
     training: NDArray[np.intp]  # (m,) where the training snapshots stand among the testing ones
 
@@ -34,25 +34,60 @@ class Consistency(NamedTuple):
 def project_from_gram(gram: Array, training: NDArray[np.intp]) -> Projection:
     """Project every snapshot on the modes of a subset, knowing inner products alone.
 
-    C_ij = (w_i - w̄)·(w_j - w̄); C[S,S] = V Σ² Vᵀ; c_j = Σ⁻¹ Vᵀ C[S,j], which is Σ Vᵀ at training times.
     gram: (testing, testing) inner products about any point; training: (m,) indices S.
     """
-    to_mean = gram[training].mean(axis=0)
-    centred = gram - to_mean - to_mean[:, None] + to_mean[training].mean()
-    among = centred[np.ix_(training, training)]
+    return project_from_products(gram[:, training], gram.diagonal(), training)
+
+
+def project_from_products(
+    products: Array, squares: Array, training: NDArray[np.intp], leading: int | None = None
+) -> Projection:
+    """Project every snapshot on the modes of a subset, from its inner products with that subset.
+
+    C_ij = (w_i - w̄)·(w_j - w̄); C[S,S] = V Σ² Vᵀ; c_j = Σ⁻¹ Vᵀ C[S,j], which is Σ Vᵀ at training times.
+    products: (testing, m) with the training snapshots, about any point; squares: (testing,) squared norms about the
+    same; training: (m,) indices S. leading: how many modes are wanted; what all others hold is then counted outside.
+    """
+    to_mean = products.mean(axis=1)
+    centre = to_mean[training].mean()
+    centred = products - to_mean[:, None]
+    centred -= to_mean[training] - centre
+    among = centred[training]
+    m = len(training)
     # centring leaves nothing but rounding along the vector of ones; below zero it cannot pass for a mode
-    square, vectors = np.linalg.eigh(among - np.trace(among) / len(training) ** 2)
+    square, vectors = np.linalg.eigh(among - np.trace(among) / m**2)
     square, vectors = square[::-1], vectors[:, ::-1]
-    kept = square > EPSILON * max(square[0], 0.0)
-    sigma, vectors = np.sqrt(square[kept]), vectors[:, kept]
-    coefficients = centred[:, training] @ vectors / sigma
-    # a quotient of roundings; what these modes hold of an unseen snapshot is counted outside instead
-    coefficients[:, sigma**2 < WEAK * EPSILON * square[0]] = 0.0
+    eigenvalues = square[square > EPSILON * max(square[0], 0.0)]
+    p = len(eigenvalues) if leading is None else min(leading, len(eigenvalues))
+    sigma, vectors = np.sqrt(eigenvalues[:p]), vectors[:, :p]
+    coefficients, unseen = np.empty((len(centred), p)), np.setdiff1d(np.arange(len(centred)), training)
     coefficients[training] = vectors * sigma
+    # a quotient of roundings; what these modes hold of an unseen snapshot is counted outside instead
+    told = sigma**2 >= WEAK * EPSILON * square[0]
+    coefficients[unseen] = centred[unseen] @ (vectors * np.where(told, 1.0 / sigma, 0.0))
     # the difference of two nearly equal numbers: this is what squares the condition number
-    outside = np.maximum(np.diag(centred) - np.einsum("ij,ij->i", coefficients, coefficients), 0.0)
+    whole = squares - 2.0 * to_mean + centre
+    outside = np.maximum(whole - np.einsum("ij,ij->i", coefficients, coefficients), 0.0)
+    if p == len(eigenvalues):
+        outside[training] = 0.0
+    return Projection(eigenvalues / m, coefficients, outside, training)
+
+
+def project_from_low_rank(factor: Array, training: NDArray[np.intp]) -> Projection:
+    """Project every snapshot likewise, from F with FᵀF its inner products and fewer rows than there are modes.
+
+    C[S,S] has the eigenvalues of F̃_S F̃_Sᵀ = U Σ² Uᵀ, (r, r), and c = F̃ᵀ U; what no mode represents are the
+    coefficients of the other columns of U. factor: (r, testing); training: (m,) indices.
+    """
+    centred = factor - factor[:, training].mean(axis=1, keepdims=True)
+    among = centred[:, training]
+    square, directions = np.linalg.eigh(among @ among.T)
+    square, directions = square[::-1], directions[:, ::-1]
+    kept = square > EPSILON * max(square[0], 0.0)
+    coefficients = centred.T @ directions
+    outside = np.square(coefficients[:, ~kept]).sum(axis=1)
     outside[training] = 0.0
-    return Projection(sigma**2 / len(training), coefficients, outside, training)
+    return Projection(square[kept] / len(training), coefficients[:, kept], outside, training)
 
 
 def project_from_factor(factor: Array, training: NDArray[np.intp]) -> Projection:
@@ -73,16 +108,31 @@ def project_from_factor(factor: Array, training: NDArray[np.intp]) -> Projection
     return Projection(sigma**2 / len(training), coefficients, outside, training)
 
 
+def modes_known(projection: Projection) -> int:
+    """How many leading modes inner products know by direction; those after them may be turned anyhow by rounding."""
+    return int((projection.eigenvalues >= WEAK * EPSILON * projection.eigenvalues[:1].sum()).sum())
+
+
 def squared_errors(projection: Projection) -> Array:
     """Squared norm of what the first n modes leave of each snapshot, (testing, p + 1) for n = 0 … p.
 
     ‖r‖² + Σ_{i>n} c_i²: a sum of the tail, free of cancellation, where ‖d‖² - Σ_{i≤n} c_i² is not.
     """
-    tail = np.empty((len(projection.outside), projection.eigenvalues.size + 1))
+    tail = np.empty((len(projection.outside), projection.coefficients.shape[1] + 1))
     tail[:, -1] = projection.outside
     tail[:, :-1] = np.square(projection.coefficients)[:, ::-1].cumsum(axis=1)[:, ::-1]
     tail[:, :-1] += projection.outside[:, None]
     return tail
+
+
+def unseen_error(projection: Projection, rows: int, n: int) -> float | None:
+    """RMSE over rows that n modes leave at testing times that are not training times, averaged over these.
+
+    For any n, also where E_train is at round-off. None where there is no such time.
+    """
+    square = projection.outside + np.square(projection.coefficients[:, n:]).sum(axis=1)
+    unseen = np.delete(square, projection.training)
+    return float(np.sqrt(unseen / rows).mean()) if unseen.size else None
 
 
 def consistency(projection: Projection, rows: int, motion: float, exact: bool) -> Consistency:

@@ -72,6 +72,7 @@ class Evidence(NamedTuple):
     K_f_interval: tuple[float, float] | None
     R_a: float | None
     resampled: bool  # False where resampling was asked for and the particles are too few
+    blurred: bool = False  # rounding in R_c may move n_c
 
 
 class Verdict(NamedTuple):
@@ -113,6 +114,8 @@ def doubts(evidence: Evidence, thresholds: Thresholds) -> list[str]:
         found.append(f"E_train at round-off beyond {crossing.n_c} modes, before R_c exceeds {thresholds.consistency:g}")
     elif not crossing.exceeded:
         found.append(f"R_c never exceeds {thresholds.consistency:g}")
+    if evidence.blurred:
+        found.append("inner products know R_c too poorly to tell n_c; rounding hides E_train there")
     if evidence.n_snapshots < FEWEST_SNAPSHOTS:
         found.append(f"too few snapshots: {evidence.n_snapshots}, at least {FEWEST_SNAPSHOTS} needed")
     if not evidence.resampled:

@@ -6,9 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from selection.candidate import Candidate
 from selection.errors import InputError
 from selection.feasibility import FEWEST_SNAPSHOTS, Thresholds, consistent_mode
-from selection.sweep import Candidate, Sweep
+from selection.sweep import Sweep
 
 Array = NDArray[np.float64]
 STEADY = 2.0  # times: halves of a pilot that differ by more in energy are no sample of one flow

@@ -10,6 +10,7 @@ from selection.errors import InputError
 
 Array = NDArray[np.float64]
 EPSILON = float(np.finfo(np.float64).eps)
+SQUARES_FIT = (1e-290, 1e290)  # sums of squares outside have lost digits, or overflow soon
 
 
 @runtime_checkable
@@ -62,31 +63,45 @@ class ArraySnapshots:
 
     def gram(self) -> Array:
         """(W - w₀)ᵀ(W - w₀), summed by row blocks in fixed order."""
-        total = np.zeros((self.shape[1], self.shape[1]))
-        for block in self.row_blocks():
-            motion = block - block[:, :1]
-            total += motion.T @ motion
-        return total
+        return np.asarray(self.gram_groups(1)[0])
 
     def gram_groups(self, groups: int) -> Array:
-        """Gram matrix split over groups of particles, dealt in turn: (groups, N_t, N_t)."""
+        """Gram matrix split over groups of particles, dealt in turn: (groups, N_t, N_t).
+
+        Raises InputError where the rows move by more or less than has a square in double precision.
+        """
         total = np.zeros((groups, self.shape[1], self.shape[1]))
-        start = 0
-        for block in self.row_blocks():
-            motion = block - block[:, :1]
-            group = (start + np.arange(len(block))) // self.rows_per_particle % groups
-            for g in range(groups):
-                part = motion[group == g]
-                total[g] += part.T @ part
-            start += len(block)
+        start, moved = 0, 0.0
+        with np.errstate(over="ignore", invalid="ignore"):
+            for block in self.row_blocks():
+                motion = block - block[:, :1]
+                moved = max(moved, float(np.abs(motion).max(initial=0.0)))
+                group = (start + np.arange(len(block))) // self.rows_per_particle % groups
+                for g in range(groups):
+                    part = motion[group == g]
+                    total[g] += part.T @ part
+                start += len(block)
+        if moved > 0.0 and not SQUARES_FIT[0] < np.einsum("gtt->gt", total).max() < SQUARES_FIT[1]:
+            raise InputError(
+                f"W: it moves by {moved:.3g}, whose square a double cannot hold; choose a unit in which it moves by "
+                "1e-140 to 1e140"
+            )
         return total
 
 
 class InnerProducts(NamedTuple):
-    """What one pass over the rows leaves behind."""
+    """What one pass over the rows leaves behind, all that verdicts rest on.
 
-    gram: Array  # (N_t, N_t)
-    groups: Array | None  # (k, N_t, N_t) summing to gram, or None where particles cannot be resampled
+    gram: (N_t, N_t) (W - a)ᵀ(W - a), symmetric, double precision, in the unit of W squared and summed over the rows,
+    not averaged; a is any fixed snapshot, best the first one: rounding is ε times the trace. It may grow: w_k - a
+    against all before it is row and column k. groups: (k, N_t, N_t) the same, about the same a, of k ≥ 2 disjoint
+    groups of particles, as equal as they can be (particle i in group i mod k) and of two particles at least; they sum
+    to gram. None leaves out the interval of K_f. rows: of W, over which mean squares are taken; 3 a particle for a
+    vector. Those of several components, or processes, add up: gram, groups and rows each.
+    """
+
+    gram: Array
+    groups: Array | None
     rows: int
 
 
@@ -105,7 +120,7 @@ def as_snapshots(W: Any) -> Snapshots:
 def inner_products(W: Snapshots, groups: int | None) -> InnerProducts:
     """One pass over the rows: the Gram matrix and, where W can, its parts per group of particles.
 
-    Raises InputError where an inner product is not finite (a value of W is not, or overflows).
+    What is not finite in W, or overflows, is so in them.
     """
     rows = W.shape[0]
     particles = rows // int(getattr(W, "rows_per_particle", 1))
@@ -113,9 +128,6 @@ def inner_products(W: Snapshots, groups: int | None) -> InnerProducts:
     if groups is not None and particles >= 2 * groups and hasattr(W, "gram_groups"):
         parts = np.asarray(W.gram_groups(groups), dtype=np.float64)
     gram = np.asarray(W.gram(), dtype=np.float64) if parts is None else np.asarray(parts.sum(axis=0), dtype=np.float64)
-    if not np.isfinite(gram).all():
-        column = int(np.argwhere(~np.isfinite(gram))[0, 0])
-        raise InputError(f"W: snapshot {column} holds a value that is not finite; repair or drop it")
     return InnerProducts(gram, parts, rows)
 
 

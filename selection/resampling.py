@@ -6,14 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from selection.consistency import consistency, project_from_gram
+from selection.consistency import consistency, modes_known
 from selection.feasibility import Crossing, Thresholds, consistent_mode
-from selection.gram import InnerProducts
 from selection.intervals import Subset
+from selection.routes import Routes, project_without
 
 Array = NDArray[np.float64]
 CONFIDENCE = 0.95  # two-sided, of the spread alone
-ACCURACY = 1e-2  # error of R_c above which inner products alone say nothing about its crossing
+ACCURACY = 1e-4  # error of R_c above which its crossing, as a real number, is no longer known from inner products
+MORE = 1.25  # times the modes up to the crossing: how many are looked at first without a group
 
 
 def smooth_index(eigenvalues: Array, crossing: Crossing, energy: float) -> float:
@@ -30,27 +31,37 @@ def smooth_index(eigenvalues: Array, crossing: Crossing, energy: float) -> float
     return crossing.position / float(n - 1 + (energy - ratio[n - 1]) / (ratio[n] - ratio[n - 1]))
 
 
-def half_width_of_feasibility(products: InnerProducts, subset: Subset, limits: Thresholds) -> float | None:
+def half_width_of_feasibility(known: Routes, subset: Subset, limits: Thresholds, n_c: int) -> float | None:
     """Half the interval of K_f: Student's t at 95 % times its delete-one-group jackknife error.
 
     It tells how much these particles leave open, not how far K_f is from that of infinitely many: K_f falls with the
     number of particles, and with a hundred of them that bias can exceed the interval.
 
     s² = (k-1)/k Σ_g (θ_g - θ̄)², θ_g the interpolated K_f without the particles of group g. None without groups, and
-    where R_c crosses its limit so near round-off that the inner products cannot tell.
+    where R_c crosses its limit so near round-off that the inner products cannot tell. n_c: of all particles.
     """
-    if products.groups is None:
+    if known.products.groups is None:
         return None
-    last, k = len(subset.testing), len(products.groups)
-    without = []
-    for part in products.groups:
-        gram = (products.gram - part)[:last, :last]
-        motion = math.sqrt(np.trace(gram) / (last * products.rows))
-        projection = project_from_gram(gram, subset.training)
-        curves = consistency(projection, products.rows, motion, exact=False)
-        crossing = consistent_mode(curves.R_c, limits.consistency)
-        if not crossing.exceeded or curves.predicted_error[crossing.n_c] > ACCURACY:
+    k, without = len(known.products.groups), []
+    for g in range(k):
+        found = _index_without(known, g, subset, limits, math.ceil(MORE * n_c) + 10)
+        if found is None:
             return None
-        without.append(smooth_index(projection.eigenvalues, crossing, limits.energy))
+        without.append(found)
     width = float(np.std(without) * math.sqrt(k - 1) * stdtrit(k - 1, 0.5 + CONFIDENCE / 2))
     return width if math.isfinite(width) else None
+
+
+def _index_without(known: Routes, g: int, subset: Subset, limits: Thresholds, leading: int | None) -> float | None:
+    """θ_g, from the leading modes alone if R_c crosses its limit among them."""
+    projection = project_without(known, g, subset, leading)
+    last, rows = len(subset.testing), known.products.rows
+    motion = math.sqrt(known.squares_without(g)[:last].mean() / rows)
+    curves = consistency(projection, rows, motion, exact=False)
+    crossing = consistent_mode(curves.R_c, limits.consistency)
+    if not crossing.exceeded:
+        return None if leading is None else _index_without(known, g, subset, limits, None)
+    beyond = crossing.n_c + 1
+    if curves.predicted_error[beyond] > ACCURACY or beyond > modes_known(projection):
+        return None
+    return smooth_index(projection.eigenvalues, crossing, limits.energy)

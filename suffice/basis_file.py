@@ -25,6 +25,7 @@ def card_of(basis: Basis, made_from: Mapping[str, Any]) -> dict[str, Any]:
         "n_modes": basis.modes.shape[1],
         "n_lr": basis.n_lr,
         "n_lr_paper": basis.n_lr_paper,
+        "n_lr_ritz": basis.n_lr_ritz,
         "total_energy": basis.total_energy,
         "energy_held": float(basis.ratio[-1]) if len(basis.ratio) else 0.0,
         "largest_residual": float(np.max(basis.residuals, initial=0.0)),

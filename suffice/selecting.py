@@ -1,15 +1,22 @@
 """Which snapshot interval suffices, for every variable of a run."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from math import floor, inf, isfinite
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pod import ALONE, Ranks, SnapshotMatrix
 from selection import InputError as UnfitIntervals
-from selection import Sweep, Thresholds, dense_interval, sweep
+from selection import Sweep, Thresholds, dense_interval, judge, square_root
+from selection.intervals import candidates
+from suffice.products import read_products
 from suffice.progress import Advance
 from suffice.refusal import Refusal
 from suffice.run import Run
+from suffice.variables import mean_diameter
 
 FLUID_ENERGY = 0.99
 
@@ -67,27 +74,48 @@ def select_run(
     progress: Advance | None = None,
     ranks: Ranks = ALONE,
 ) -> dict[str, Sweep]:
-    """Judge every Δτ for every variable, in one pass over the rows of each (paper 2.3).
+    """Judge every Δτ for every variable, in one pass over the rows of each stored quantity (paper 2.3).
 
-    variables: names of the run, default all but spins. intervals: Δτ in s, default ten to two dense intervals. Of
-    several ranks each reads its own rows.
-    Raises Refusal for unknown variables and for times or intervals that cannot be used.
+    variables: names of the run, components or whole vectors, default the components of all but spins. intervals: Δτ in
+    s, default ten to two dense intervals. Of several ranks each reads its own rows.
+    Raises Refusal for unknown variables, for times or intervals that cannot be used, and values that are not finite.
     """
     names = list(dict.fromkeys(variables)) if variables else default_variables(run)
-    sources = [run.variable(name) for name in names]
-    table = {}
-    for done, (name, rows) in enumerate(zip(names, sources, strict=True)):
+    judged = judge_variables(run, names, intervals, thresholds, progress, ranks)
+    found = {name: table for name, table, _ in judged}
+    return {name: found[name] for name in names}
+
+
+def judge_variables(
+    run: Run,
+    names: Sequence[str],
+    intervals: Sequence[float] | None,
+    thresholds: Mapping[str, float] | None,
+    progress: Advance | None,
+    ranks: Ranks,
+) -> Iterator[tuple[str, Sweep, NDArray[np.float64]]]:
+    """Yield the sweep and the inner products of each variable, those of one stored quantity together.
+
+    Raises Refusal as `select_run` does.
+    """
+    limits = {name: thresholds_of(name, thresholds) for name in names}
+    try:
+        candidates(run.times, intervals)  # what is wrong with them is said before the rows are read
+        for name in names:
+            run.variable(name)
         if progress:
-            progress(done, len(names))
-        try:
-            table[name] = sweep(
-                SnapshotMatrix(rows, ranks=ranks), run.times, intervals, thresholds_of(name, thresholds)
-            )
-        except UnfitIntervals as error:
-            raise Refusal(f"{run.path}: {error}") from None
-    if progress:
-        progress(len(names), len(names))
-    return table
+            progress(0, len(names))
+        for done, (name, products, scarce) in enumerate(read_products(run, names, ranks), start=1):
+            factor = partial(_square_root, run, name, products.gram, ranks)
+            yield name, judge(products, run.times, intervals, limits[name], factor, scarce=scarce), products.gram
+            if progress:
+                progress(done, len(names))
+    except UnfitIntervals as error:
+        raise Refusal(f"{run.path}: {error}") from None
+
+
+def _square_root(run: Run, name: str, gram: NDArray[np.float64], ranks: Ranks) -> NDArray[np.float64]:
+    return square_root(SnapshotMatrix(run.variable(name), ranks=ranks), gram)
 
 
 def select_json(run: Run, table: dict[str, Sweep]) -> dict[str, Any]:
@@ -95,8 +123,18 @@ def select_json(run: Run, table: dict[str, Sweep]) -> dict[str, Any]:
     return {
         "run": str(run.path),
         "dense_interval": dense_interval(run.times),
-        "variables": {name: found.as_dict() for name, found in table.items()},
+        "variables": {name: _in_diameters(run, name, found.as_dict()) for name, found in table.items()},
     }
+
+
+def _in_diameters(run: Run, name: str, found: dict[str, Any]) -> dict[str, Any]:
+    """Add to each candidate its errors in bead diameters, None for other units than m or unknown radii."""
+    diameter = mean_diameter(run) if run.variable(name).unit == "m" else None
+    for candidate in found["candidates"]:
+        for error in ("error_n_lr", "error_n_c"):
+            known = diameter is not None and candidate[error] is not None
+            candidate[f"{error}_diameters"] = candidate[error] / diameter if known else None
+    return found | {"unit": run.variable(name).unit}
 
 
 def select_curves(table: dict[str, Sweep]) -> dict[str, dict[str, dict[str, list[float | None]]]]:

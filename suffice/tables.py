@@ -6,13 +6,13 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from suffice.wording import bytes_text, number, seconds_text
+from suffice.wording import bytes_text, errors_text, number, seconds_text
 
 MARKS = {"sufficient": "green", "insufficient": "red", "undecidable": "yellow"}
 
 
 def show_selection(answer: Mapping[str, Any]) -> None:
-    """Print K_f per variable and Δτ, coloured by verdict, and the Δτ chosen for each variable."""
+    """Print K_f per variable and Δτ, coloured by verdict, what is left at unseen times, and the Δτ chosen for each."""
     console = Console()
     variables = answer["variables"]
     intervals = [c["interval"] for c in next(iter(variables.values()))["candidates"]]
@@ -20,8 +20,17 @@ def show_selection(answer: Mapping[str, Any]) -> None:
     for name, found in variables.items():
         table.add_row(name, *(f"[{MARKS[c['verdict']]}]{number(c['K_f'])}[/]" for c in found["candidates"]))
     console.print(table)
+    left = "error of n_lr modes and of n_c modes at unseen times"
+    table = Table("Δτ (s)", *(f"{interval:g}" for interval in intervals), title=left, padding=(0, 0))
     for name, found in variables.items():
-        console.print(f"{name}: {_chosen(found)}", highlight=False)
+        in_diameters = any(c["error_n_c_diameters"] is not None for c in found["candidates"])
+        keys = [f"error_{n}{'_diameters' if in_diameters else ''}" for n in ("n_lr", "n_c")]
+        cells = ["\n".join(number(c[key], 2) for key in keys) for c in found["candidates"]]
+        unit = "diameters" if in_diameters else found["unit"]
+        table.add_row(name if unit == "1" else f"{name}\nin {unit}", *cells)
+    console.print(table)
+    for name, found in variables.items():
+        console.print(f"{name}: {_chosen(found)}", highlight=False, soft_wrap=True)
 
 
 def _chosen(found: Mapping[str, Any]) -> str:
@@ -37,7 +46,8 @@ def _chosen(found: Mapping[str, Any]) -> str:
         if candidate["verdict"] == "sufficient"
         else f"; but {candidate['verdict']}: {'; '.join(candidate['reasons'])}"
     )
-    return f"Δτ = {chosen:g} s suffices (K_f {number(candidate['K_f'])} ≥ {limit:g}){doubt}"
+    left = f"{candidate['n_lr']} … {candidate['n_c']} modes leave {errors_text(candidate, found['unit'])}"
+    return f"Δτ = {chosen:g} s suffices (K_f {number(candidate['K_f'])} ≥ {limit:g}); {left}{doubt}"
 
 
 def show_comparison(answer: Mapping[str, Any]) -> None:

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from suffice.wording import escape, number, seconds_text
+from suffice.wording import errors_text, escape, number, seconds_text
 
 SYMBOL = re.compile(r"\b([A-Za-z])_([a-z]+)\b")  # K_f, R_a, n_lr, E_train
 VERDICTS = ("sufficient", "insufficient", "undecidable")
@@ -33,6 +33,9 @@ def _item(name: str, found: Mapping[str, Any]) -> str:
     interval, K_f = seconds_text(candidate["interval"]), _feasibility(candidate)
     if found.get("chosen_interval") is not None:
         sentence = f"snapshots every <b>{interval}</b> suffice by the paper's rule, K<sub>f</sub> ≥ {limit}: {K_f}"
+        if left := errors_text(candidate, str(found.get("unit") or "")):
+            modes = f"{_count(candidate.get('n_lr'))} … {_count(candidate.get('n_c'))} modes"
+            sentence += f"; at unseen times {modes} leave {escape(left)}"
     else:
         sentence = f"<b>not sufficient at any Δτ considered</b>; the best is {K_f} at {interval}, {limit} is needed"
     reasons = SYMBOL.sub(r"\1<sub>\2</sub>", escape("; ".join(map(str, candidate.get("reasons") or []))))
@@ -43,10 +46,11 @@ def _item(name: str, found: Mapping[str, Any]) -> str:
 def feasibility_table(variables: Mapping[str, Any]) -> str:
     """Tabulate K_f per Δτ and variable, as HTML: coloured by our verdict, framed where the paper's rule holds."""
     judged = {name: {c["interval"]: c for c in found.get("candidates") or []} for name, found in variables.items()}
+    units = [str(found.get("unit") or "") for found in variables.values()]
     intervals = sorted({interval for own in judged.values() for interval in own}, reverse=True)
     head = "".join(f"<th>{escape(str(name))}</th>" for name in variables)
     body = "".join(
-        f"<tr><th>{seconds_text(interval)}</th>{''.join(_cell(own.get(interval)) for own in judged.values())}</tr>"
+        f"<tr><th>{seconds_text(interval)}</th>{_cells([own.get(interval) for own in judged.values()], units)}</tr>"
         for interval in intervals
     )
     return f'<div class="scroll"><table class="kf"><tr><th>Δτ</th>{head}</tr>{body}</table></div>'
@@ -57,11 +61,16 @@ def table_legend() -> str:
     pills = " ".join(_pill(verdict) for verdict in VERDICTS)
     return (
         f'<p class="legend quiet"><span>Our verdict:</span> {pills} <span class="framed">framed</span> '
-        "<span>sufficient by the paper's rule. Small: n<sub>c</sub> / n<sub>lr</sub></span></p>"
+        "<span>sufficient by the paper's rule. Small: n<sub>c</sub> / n<sub>lr</sub>, and the error at unseen times "
+        "of n<sub>lr</sub> … n<sub>c</sub> modes, d in bead diameters</span></p>"
     )
 
 
-def _cell(candidate: Mapping[str, Any] | None) -> str:
+def _cells(candidates: Sequence[Mapping[str, Any] | None], units: Sequence[str]) -> str:
+    return "".join(_cell(candidate, unit) for candidate, unit in zip(candidates, units, strict=True))
+
+
+def _cell(candidate: Mapping[str, Any] | None, unit: str) -> str:
     if candidate is None:
         return "<td>–</td>"
     verdict = candidate.get("verdict")
@@ -69,8 +78,9 @@ def _cell(candidate: Mapping[str, Any] | None) -> str:
     title = escape("; ".join(map(str, candidate.get("reasons") or [])))
     modes = f"{_count(candidate.get('n_c'))} / {_count(candidate.get('n_lr'))}"
     rule = ", paper ✓" if candidate.get("sufficient") else ""
-    K_f = _two_decimals(candidate.get("K_f"))
-    return f'<td class="{style}" title="{title}"><b>{K_f}</b><small>{modes}{rule}</small></td>'
+    K_f, left = _two_decimals(candidate.get("K_f")), escape(errors_text(candidate, unit))
+    errors = f"<small>{left}</small>" if left else ""
+    return f'<td class="{style}" title="{title}"><b>{K_f}</b><small>{modes}{rule}</small>{errors}</td>'
 
 
 def _feasibility(candidate: Mapping[str, Any]) -> str:

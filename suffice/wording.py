@@ -1,10 +1,11 @@
 """Numbers and names as the report shows them: with units, and safe inside a page."""
 
 import math
+from collections.abc import Mapping
 from html import escape
 from typing import Any
 
-__all__ = ["bytes_text", "escape", "finite", "number", "seconds_text"]
+__all__ = ["bytes_text", "errors_text", "escape", "finite", "number", "seconds_text"]
 
 UNITS_OF_TIME = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"))
 
@@ -32,6 +33,19 @@ def seconds_text(value: Any) -> str:
     # a thousandth below the unit still reads well in it, a rounding below must not fall to the next
     scale, unit = next((pair for pair in UNITS_OF_TIME if abs(known) >= pair[0] * (1 - 1e-9)), UNITS_OF_TIME[-1])
     return f"{known / scale:.3g} {unit}" if known else "0 s"
+
+
+def errors_text(candidate: Mapping[str, Any], unit: str) -> str:
+    """Return the errors of n_lr and of n_c modes at unseen times, `0.82 … 0.11 d` where bead diameters are known.
+
+    candidate: as `select` writes it; unit: of the variable. Empty where there is no unseen time.
+    """
+    for suffix, shown in (("_diameters", "d"), ("", unit)):
+        errors = [finite(candidate.get(f"error_{n}{suffix}")) for n in ("n_lr", "n_c")]
+        if any(error is not None for error in errors):
+            text = " … ".join(number(error, 2) for error in errors)
+            return text if shown == "1" else f"{text} {shown}"
+    return ""
 
 
 def bytes_text(value: Any) -> str:

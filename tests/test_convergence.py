@@ -28,7 +28,7 @@ def test_few_steps_under_count_the_modes_where_the_total_is_that_of_the_ritz_val
     assert reached[-1]
     assert (found.n_lr[reached] >= found.n_lr[-1]).all()  # Ritz values lie below the eigenvalues
     early = found.steps < basis.steps / 2
-    assert (found.n_lr_paper[early] < found.n_lr[-1]).all()
+    assert (found.n_lr_ritz[early] < found.n_lr[-1]).all()
     assert (found.paper_ratio[early] > found.ratio[early]).all()
 
 

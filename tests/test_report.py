@@ -40,6 +40,10 @@ def candidate(interval, n_c, verdict, n_lr=20):
         "sufficient": K_f >= 2,
         "verdict": verdict,
         "reasons": [f"K_f {K_f:.2f} measured"],
+        "error_n_lr": 8e-4,
+        "error_n_c": 1e-4,
+        "error_n_lr_diameters": 0.8,
+        "error_n_c_diameters": 0.1,
     }
 
 
@@ -152,6 +156,7 @@ def test_the_page_loads_nothing_from_anywhere(results):
 def test_the_verdict_comes_first_and_names_the_interval_or_says_there_is_none(results):
     text = Page(render(results)).text
     assert "sufficient position.x: snapshots every 3 ms suffice by the paper's rule, Kf ≥ 2: Kf 2.15" in text
+    assert "at unseen times 20 … 43 modes leave 0.8 … 0.1 d. Our verdict" in text
     assert "undecidable position.y: not sufficient at any Δτ considered; the best is Kf 0.70" in text
     assert (
         text.index("Verdict") < text.index("Feasibility index") < text.index("Consistency") < text.index("Provenance")

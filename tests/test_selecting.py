@@ -26,6 +26,11 @@ CANDIDATE = {
     "sufficient": bool,
     "verdict": str,
     "reasons": list,
+    "error_n_lr": float,
+    "error_n_c": float,
+    "K_f_groups": (int, type(None)),
+    "error_n_lr_diameters": (float, type(None)),
+    "error_n_c_diameters": (float, type(None)),
 }
 
 
@@ -42,7 +47,7 @@ def test_the_answer_has_the_names_of_the_design_and_no_others(run):
     assert answer["dense_interval"] == pytest.approx(0.001, rel=1e-12)
     assert list(answer["variables"]) == [f"{v}.{axis}" for v in ("position", "velocity") for axis in "xyz"]
     for found in answer["variables"].values():
-        assert list(found) == ["chosen_interval", "thresholds", "candidates"]
+        assert list(found) == ["chosen_interval", "thresholds", "candidates", "unit"]
         assert found["thresholds"] == {"energy": 0.999, "consistency": 1.05, "feasibility": 2.0, "resolution": 1.25}
         assert [c["interval"] for c in found["candidates"]] == pytest.approx(np.arange(10, 1, -1) * 1e-3)
         for candidate in found["candidates"]:

@@ -4,24 +4,39 @@ from suffice.tables import show_comparison, show_facts, show_selection
 
 
 def candidate(interval, K_f, verdict="insufficient", reasons=("K_f 0.66 below 2",)):
-    return {"interval": interval, "K_f": K_f, "verdict": verdict, "reasons": list(reasons)}
+    errors = {"error_n_lr": 8e-4, "error_n_c": 1e-4, "error_n_lr_diameters": 0.8, "error_n_c_diameters": 0.1}
+    return {
+        "interval": interval, "n_lr": 20, "n_c": 43, "K_f": K_f, "verdict": verdict, "reasons": list(reasons), **errors
+    }  # fmt: skip
 
 
 def selection(chosen, *candidates):
-    found = {"chosen_interval": chosen, "thresholds": {"feasibility": 2.0}, "candidates": list(candidates)}
+    found = {"chosen_interval": chosen, "thresholds": {"feasibility": 2.0}, "candidates": list(candidates), "unit": "m"}
     return {"variables": {"position.x": found}}
 
 
 def test_the_chosen_interval_is_said_with_its_index(capsys):
     show_selection(selection(0.003, candidate(0.004, 1.5), candidate(0.003, 2.25, "sufficient", [])))
-    assert "position.x: Δτ = 0.003 s suffices (K_f 2.25 ≥ 2)\n" in capsys.readouterr().out
+    assert (
+        "position.x: Δτ = 0.003 s suffices (K_f 2.25 ≥ 2); 20 … 43 modes leave 0.8 … 0.1 d\n" in capsys.readouterr().out
+    )
+
+
+def test_errors_stand_beside_the_index_in_the_unit_there_is(capsys):
+    show_selection(selection(None, candidate(0.003, 2.25)))
+    assert "in diameters" in capsys.readouterr().out
+    unknown = candidate(0.003, 2.25) | {"error_n_lr_diameters": None, "error_n_c_diameters": None}
+    show_selection(selection(0.003, unknown))
+    said = capsys.readouterr().out
+    assert "│in m      │0.0001│" in said
+    assert "modes leave 0.0008 … 0.0001 m" in said
 
 
 def test_a_choice_of_the_papers_rule_that_we_doubt_is_said_with_the_reason(capsys):
     doubted = candidate(0.003, 2.25, "undecidable", ["R_c never exceeds 1.05"])
     show_selection(selection(0.003, doubted))
     said = " ".join(capsys.readouterr().out.split())
-    assert "suffices (K_f 2.25 ≥ 2); but undecidable: R_c never exceeds 1.05" in said
+    assert "suffices (K_f 2.25 ≥ 2); 20 … 43 modes leave 0.8 … 0.1 d; but undecidable: R_c never exceeds 1.05" in said
 
 
 def test_where_nothing_suffices_the_best_is_named_and_an_undefined_index_is_a_dash(capsys):
