@@ -107,6 +107,21 @@ def test_coefficients_without_a_time_axis_are_not_sufficient_however_consistent(
         assert bounded.verdict != "sufficient"
 
 
+@pytest.mark.physics
+def test_a_floor_of_noise_misleads_seldom_and_by_a_few_modes():
+    # modes sink into the noise however dense the snapshots are, and n_c stops growing: the known limit of the bound
+    beyond = []
+    for slope in (2.5, 3.0, 4.0):
+        for noise in (1e-5, 1e-4):
+            W = smooth_motion(3, slope=slope)
+            W += noise * np.random.default_rng(1).standard_normal(W.shape)
+            dense = sweep(W, milliseconds(481), [8e-3, 4e-3, 3e-3], groups=None).candidates
+            for true, every in zip(dense, (8, 4, 3), strict=True):
+                beyond.append(judged(W[:, ::every], step=every).recorded.n_c_range[0] - true.n_c)
+    assert sum(excess > 0 for excess in beyond) <= 3  # of 18
+    assert max(beyond) <= 5
+
+
 def test_the_resolution_of_a_run_is_taken_at_more_modes_than_that_of_half_its_snapshots():
     found = judged(smooth_motion(0)[:, ::2])
     assert found.recorded.R_a > found.doubled.R_a > 1
