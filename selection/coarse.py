@@ -153,7 +153,7 @@ def _verdict(K_f: tuple[float, float], R_a: float | None, limits: Thresholds) ->
     if low < limit:
         reasons = [f"K_f between {low:.2f} and {high:.2f}, either side of {limit:g}"]
     if R_a is None:
-        return "undecidable", [*reasons, "R_a undefined: no consistent mode"]
+        return "undecidable", [*reasons, "R_a undefined: no consistent mode, or no error left"]
     resolved = R_a <= limits.resolution
     reasons.append(f"R_a {R_a:.2f} {'at most' if resolved else 'above'} {limits.resolution:g}")
     return ("sufficient" if low >= limit and resolved else "undecidable"), reasons

@@ -10,6 +10,7 @@ from selection.errors import InputError
 
 Array = NDArray[np.float64]
 EPSILON = float(np.finfo(np.float64).eps)
+SQUARES_FIT = (1e-290, 1e290)  # sums of squares outside have lost digits, or overflow soon
 
 
 @runtime_checkable
@@ -62,23 +63,29 @@ class ArraySnapshots:
 
     def gram(self) -> Array:
         """(W - w₀)ᵀ(W - w₀), summed by row blocks in fixed order."""
-        total = np.zeros((self.shape[1], self.shape[1]))
-        for block in self.row_blocks():
-            motion = block - block[:, :1]
-            total += motion.T @ motion
-        return total
+        return np.asarray(self.gram_groups(1)[0])
 
     def gram_groups(self, groups: int) -> Array:
-        """Gram matrix split over groups of particles, dealt in turn: (groups, N_t, N_t)."""
+        """Gram matrix split over groups of particles, dealt in turn: (groups, N_t, N_t).
+
+        Raises InputError where the rows move by more or less than has a square in double precision.
+        """
         total = np.zeros((groups, self.shape[1], self.shape[1]))
-        start = 0
-        for block in self.row_blocks():
-            motion = block - block[:, :1]
-            group = (start + np.arange(len(block))) // self.rows_per_particle % groups
-            for g in range(groups):
-                part = motion[group == g]
-                total[g] += part.T @ part
-            start += len(block)
+        start, moved = 0, 0.0
+        with np.errstate(over="ignore", invalid="ignore"):
+            for block in self.row_blocks():
+                motion = block - block[:, :1]
+                moved = max(moved, float(np.abs(motion).max(initial=0.0)))
+                group = (start + np.arange(len(block))) // self.rows_per_particle % groups
+                for g in range(groups):
+                    part = motion[group == g]
+                    total[g] += part.T @ part
+                start += len(block)
+        if moved > 0.0 and not SQUARES_FIT[0] < np.einsum("gtt->gt", total).max() < SQUARES_FIT[1]:
+            raise InputError(
+                f"W: it moves by {moved:.3g}, whose square a double cannot hold; choose a unit in which it moves by "
+                "1e-140 to 1e140"
+            )
         return total
 
 

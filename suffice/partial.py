@@ -1,12 +1,9 @@
 """Verdicts on a run that is not the whole truth: too coarse to be tested by itself, or the pilot of a longer one."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from pod import ALONE, Ranks, SnapshotMatrix
+from pod import ALONE, Ranks
 from selection import (
     InputError,
     Sweep,
@@ -14,15 +11,12 @@ from selection import (
     default_intervals,
     forecast,
     intervals_without_truth,
-    sweep,
     without_truth,
 )
 from suffice.progress import Advance
 from suffice.refusal import Refusal
 from suffice.run import Run
-from suffice.selecting import default_variables, select_json, thresholds_of
-
-Array = NDArray[np.float64]
+from suffice.selecting import default_variables, judge_variables, select_json
 
 
 class Asked(NamedTuple):
@@ -30,21 +24,6 @@ class Asked(NamedTuple):
 
     coarse: bool = False  # whether its own Δτ suffices, without dense truth
     duration: float | None = None  # s, of the run that it is the pilot of
-
-
-class _Remembering(SnapshotMatrix):
-    """A snapshot matrix that keeps its inner products, so that a forecast needs no second reading."""
-
-    known: Array
-
-    def gram(self) -> Array:
-        self.known = np.asarray(super().gram(), dtype=np.float64)
-        return self.known
-
-    def gram_groups(self, groups: int) -> Array:
-        parts = np.asarray(super().gram_groups(groups), dtype=np.float64)
-        self.known = parts.sum(axis=0)
-        return parts
 
 
 def select_partial(
@@ -70,7 +49,7 @@ def select_partial(
             intervals = [*(default_intervals(run.times) if intervals is None else intervals), *alone]
         if asked.duration is not None:
             check_duration(asked.duration, float(run.times[-1] - run.times[0]) if len(run.times) else 0.0)
-        for name, found, gram in _judged(run, names, intervals, thresholds, progress, ranks):
+        for name, found, gram in judge_variables(run, names, intervals, thresholds, progress, ranks):
             table[name], blocks[name] = found, {}
             if asked.coarse:
                 blocks[name]["coarse"] = without_truth(found, gram).as_dict()
@@ -78,26 +57,7 @@ def select_partial(
                 blocks[name]["forecast"] = forecast(found, gram, asked.duration).as_dict()
     except InputError as error:
         raise Refusal(f"{run.path}: {error}") from None
-    answer = select_json(run, table)
+    answer = select_json(run, {name: table[name] for name in names})
     for name, block in blocks.items():
         answer["variables"][name] |= block
     return answer
-
-
-def _judged(
-    run: Run,
-    names: Sequence[str],
-    intervals: Sequence[float] | None,
-    thresholds: Mapping[str, float] | None,
-    progress: Advance | None,
-    ranks: Ranks,
-) -> Iterator[tuple[str, Sweep, Array]]:
-    """Yield the sweep and the inner products of each variable."""
-    sources = [run.variable(name) for name in names]
-    for done, (name, rows) in enumerate(zip(names, sources, strict=True)):
-        if progress:
-            progress(done, len(names))
-        matrix = _Remembering(rows, ranks=ranks)
-        yield name, sweep(matrix, run.times, intervals, thresholds_of(name, thresholds)), matrix.known
-    if progress:
-        progress(len(names), len(names))

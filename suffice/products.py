@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pod import ALONE, Ranks, SnapshotMatrix
+from pod import InputError as UnfitRows
 from selection import InnerProducts
 from suffice.quantities import AXES
+from suffice.refusal import Refusal
 from suffice.run import Run
 
 GROUPS = 10  # of particles, left out one at a time
@@ -29,14 +31,17 @@ def read_products(run: Run, variables: Sequence[str], ranks: Ranks = ALONE) -> I
     Gram matrices of the components of a vector come from the same rows, that of the vector is their sum. Groups and
     components that do not fit in 4 GiB are read in further passes, and beyond 7,300 snapshots groups are fewer. Of
     several ranks each reads its own rows, and all get the sum.
-    Raises pod.InputError for values that are not finite or whose squares are not.
+    Raises Refusal for values that are not finite or whose squares are not.
     """
     asked: dict[str, list[str]] = {}
     for name in variables:
         asked.setdefault(name if name in run.quantities else name.rpartition(".")[0], []).append(name)
     for quantity, names in asked.items():
         several = run.variable(quantity).rows_per_particle > 1 and len(names) > 1
-        yield from _of_components(run, quantity, names, ranks) if several else _of_one(run, names[0], ranks)
+        try:
+            yield from _of_components(run, quantity, names, ranks) if several else _of_one(run, names[0], ranks)
+        except UnfitRows as error:
+            raise Refusal(f"{run.path}: {quantity if several else names[0]}: {error}") from None
 
 
 def _of_one(run: Run, name: str, ranks: Ranks) -> Iterator[Products]:

@@ -1,6 +1,6 @@
 """Which snapshot interval suffices, for every variable of a run."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from math import floor, inf, isfinite
 from typing import Any
@@ -79,25 +79,45 @@ def select_run(
 
     variables: names of the run, components or whole vectors, default the components of all but spins. intervals: Δτ in
     s, default ten to two dense intervals. Of several ranks each reads its own rows.
-    Raises Refusal for unknown variables and for times or intervals that cannot be used.
+    Raises Refusal for unknown variables, for times or intervals that cannot be used, and values that are not finite.
     """
     names = list(dict.fromkeys(variables)) if variables else default_variables(run)
+    judged = judge_variables(run, names, intervals, thresholds, progress, ranks)
+    found = {name: table for name, table, _ in judged}
+    return {name: found[name] for name in names}
+
+
+def judge_variables(
+    run: Run,
+    names: Sequence[str],
+    intervals: Sequence[float] | None,
+    thresholds: Mapping[str, float] | None,
+    progress: Advance | None,
+    ranks: Ranks,
+) -> Iterator[tuple[str, Sweep, NDArray[np.float64]]]:
+    """Yield the sweep and the inner products of each variable, those of one stored quantity together.
+
+    Raises Refusal as `select_run` does.
+    """
     limits = {name: thresholds_of(name, thresholds) for name in names}
-    found: dict[str, Sweep] = {}
     try:
         candidates(run.times, intervals)  # what is wrong with them is said before the rows are read
         for name in names:
             run.variable(name)
         if progress:
             progress(0, len(names))
-        for name, products, scarce in read_products(run, names, ranks):
+        for done, (name, products, scarce) in enumerate(read_products(run, names, ranks), start=1):
             factor = partial(_square_root, run, name, products.gram, ranks)
-            found[name] = judge(products, run.times, intervals, limits[name], factor, scarce=scarce)
+            yield name, judge(products, run.times, intervals, limits[name], factor, scarce=scarce), products.gram
             if progress:
-                progress(len(found), len(names))
+                progress(done, len(names))
     except UnfitIntervals as error:
+<<<<<<< HEAD
         raise unfit(run, error) from None
     return {name: found[name] for name in names}
+=======
+        raise Refusal(f"{run.path}: {error}") from None
+>>>>>>> 215b25f8be81dab55989eb04f0876b9e3152a959
 
 
 def _square_root(run: Run, name: str, gram: NDArray[np.float64], ranks: Ranks) -> NDArray[np.float64]:

@@ -90,14 +90,15 @@ def test_snapshots_that_have_nothing_in_common_are_too_few_for_two_modes_each():
 
 def test_n_c_is_never_said_to_grow_by_more_than_half_nor_to_shrink():
     for seed in range(3):
-        found = judged(smooth_motion(seed))
+        found = judged(smooth_motion(seed)[:, ::2])
         assert found.doubled.n_c_range[0] <= found.recorded.n_c_range[0] <= 1.5 * found.doubled.n_c_range[0]
 
 
+@pytest.mark.physics
 def test_coefficients_without_a_time_axis_are_not_sufficient_however_consistent():
     # the subspace is right at unseen times, but nothing can be interpolated
     rng = np.random.default_rng(2)
-    shapes = np.linalg.qr(rng.standard_normal((3000, 12)))[0]
+    shapes = np.linalg.qr(rng.standard_normal((1500, 12)))[0]
     W = (shapes * [1.0, 0.5, *(0.01 * 0.9 ** np.arange(10))]) @ rng.standard_normal((12, 801))
     found = judged(W + 2e-6 * rng.standard_normal(W.shape))
     for bounded in (found.recorded, found.doubled):
@@ -106,13 +107,28 @@ def test_coefficients_without_a_time_axis_are_not_sufficient_however_consistent(
         assert bounded.verdict != "sufficient"
 
 
+@pytest.mark.physics
+def test_a_floor_of_noise_misleads_seldom_and_by_a_few_modes():
+    # modes sink into the noise however dense the snapshots are, and n_c stops growing: the known limit of the bound
+    beyond = []
+    for slope in (2.5, 3.0, 4.0):
+        for noise in (1e-5, 1e-4):
+            W = smooth_motion(3, slope=slope)
+            W += noise * np.random.default_rng(1).standard_normal(W.shape)
+            dense = sweep(W, milliseconds(481), [8e-3, 4e-3, 3e-3], groups=None).candidates
+            for true, every in zip(dense, (8, 4, 3), strict=True):
+                beyond.append(judged(W[:, ::every], step=every).recorded.n_c_range[0] - true.n_c)
+    assert sum(excess > 0 for excess in beyond) <= 3  # of 18
+    assert max(beyond) <= 5
+
+
 def test_the_resolution_of_a_run_is_taken_at_more_modes_than_that_of_half_its_snapshots():
-    found = judged(smooth_motion(0))
+    found = judged(smooth_motion(0)[:, ::2])
     assert found.recorded.R_a > found.doubled.R_a > 1
 
 
 def test_the_interval_of_the_index_widens_its_bounds():
-    W = smooth_motion(0)
+    W = smooth_motion(0)[:, ::3]
     without, with_groups = judged(W), judged(W, groups=10)
     assert with_groups.doubled.K_f_range[0] < without.doubled.K_f_range[0]
     assert with_groups.doubled.K_f_range[1] > without.doubled.K_f_range[1]
@@ -159,7 +175,7 @@ def test_a_sweep_of_other_intervals_is_refused():
 
 
 def test_the_answer_is_plain():
-    found = judged(smooth_motion(0)).as_dict()
+    found = judged(smooth_motion(0)[:, ::8]).as_dict()
     assert list(found) == ["recorded", "doubled"]
     for bounded in found.values():
         assert list(bounded) == [

@@ -11,6 +11,7 @@ from suffice.basis_file import ARRAYS, read_card
 from suffice.decomposing import Wanted, decompose_run
 from suffice.refusal import Refusal
 from suffice.run import Run
+from suffice.selecting import select_run
 
 
 @pytest.fixture
@@ -38,6 +39,17 @@ def test_the_basis_on_disk_reconstructs_the_run_to_the_energy_asked_for(source, 
     assert (kept**2).sum() / (motion**2).sum() == pytest.approx(card["energy_held"], rel=1e-10)
     assert card["energy_held"] >= 0.99
     assert np.abs(basis["modes"].T @ basis["modes"] - np.eye(card["n_modes"])).max() < 1e-12
+
+
+@pytest.mark.parametrize(("route", "energy"), [("svd", 0.999), ("gram", None)])
+def test_the_papers_least_reconstructable_mode_is_the_one_that_select_finds(write_run, tmp_path, route, energy):
+    source = write_run(tmp_path / "fast.h5", n_snapshots=61, n=101, interval=0.1)  # motion of full rank
+    card = decompose_run(source, tmp_path / "b.h5", Wanted("velocity.x", interval=0.2, energy=energy, route=route))
+    with Run(source) as run:
+        (candidate,) = select_run(run, ["velocity.x"], [0.2])["velocity.x"].candidates
+    assert candidate.n_lr_paper < candidate.n_lr
+    assert (card["n_lr_paper"], card["n_lr"]) == (candidate.n_lr_paper, candidate.n_lr)
+    assert card["n_lr_ritz"] == card["n_lr"]  # all are known, so the sum of those known is exact
 
 
 def test_only_the_snapshots_of_the_interval_are_used(source, tmp_path):

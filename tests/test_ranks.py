@@ -1,6 +1,7 @@
 """Processes that share the rows find what one finds, each from its own rows, and end together."""
 
 import json
+import lzma
 import os
 import subprocess
 import sys
@@ -84,6 +85,20 @@ def test_two_ranks_judge_as_one(source, folder, suffice):
         for a, b in zip(found["candidates"], other["candidates"], strict=True):
             assert {k: a[k] for k in ("n_lr", "n_c", "verdict")} == {k: b[k] for k in ("n_lr", "n_c", "verdict")}
             assert a["K_f_interval"] == pytest.approx(b["K_f_interval"], rel=1e-9)
+
+
+@pytest.mark.physics
+def test_two_ranks_find_every_integer_of_the_foreign_run(reference, folder, suffice):
+    dump, run = folder / "shake.dump", folder / "shake.h5"
+    dump.write_bytes(lzma.decompress((reference / "shake.dump.xz").read_bytes()))
+    assert suffice("import", dump, "--interval", "0.001", "-o", run).code == 0
+    done = torchrun(folder, "-m", "suffice", "select", run, "--json", "two-shake.json")
+    assert done.returncode == 0, done.stderr
+    found = json.loads((folder / "two-shake.json").read_text())["variables"]
+    for name, by_interval in json.loads((reference / "shake.expected.json").read_text()).items():
+        for candidate in found[name]["candidates"]:
+            expected = by_interval[str(round(candidate["interval"] * 1e3))]
+            assert {field: candidate[field] for field in expected} == pytest.approx(expected, rel=1e-14)
 
 
 @pytest.mark.physics
