@@ -112,12 +112,7 @@ def judge_variables(
             if progress:
                 progress(done, len(names))
     except UnfitIntervals as error:
-<<<<<<< HEAD
         raise unfit(run, error) from None
-    return {name: found[name] for name in names}
-=======
-        raise Refusal(f"{run.path}: {error}") from None
->>>>>>> 215b25f8be81dab55989eb04f0876b9e3152a959
 
 
 def _square_root(run: Run, name: str, gram: NDArray[np.float64], ranks: Ranks) -> NDArray[np.float64]:
