@@ -67,7 +67,7 @@ def front_table(rows: Rows, apart: float = 1.1) -> str:
         last = row["rmse"]
         modes = "–" if row["modes"] is None else f"{row['modes']}{' of both' * (row['basis'] == 'enriched')}"
         cells = (
-            f"{row['rmse_diameters']:.3f}",
+            f"{row['rmse_diameters']:.3g}",
             f"{row['storage_bytes'] / 1e3:.0f} kB",
             f"{1e3 * row['interval']:g} ms",
         )

@@ -63,21 +63,21 @@ class Effort(NamedTuple):
 
 
 class Level(NamedTuple):
-    """A number of modes, its projection errors (u,), and the seconds that reconstruction adds to any surrogate."""
+    """A number of modes, its projection errors (u,), and what is the same for all surrogates on it."""
 
     n: int
     floor: Array
-    seconds: tuple[float, float]  # of one snapshot alone, and of each among many
+    seconds: tuple[float, float]  # that reconstruction adds, of one snapshot alone, and of each among many
+    kept: dict[str, Rounding | None]  # by precision, what narrower numbers take from mean and modes
     for_rates_only: bool = False  # whether others than those that use rates are left out
 
 
 class Prepared(NamedTuple):
-    """A basis, the numbers of modes to compare at, and what narrower numbers take from it."""
+    """A basis, and the numbers of modes to compare at."""
 
     basis: str
     reduced: Reduced
     levels: list[Level]
-    kept: dict[str, Rounding | None]  # by precision
 
 
 def add_case(found: Comparison, case: Case, place: Place, names: Sequence[str], how: tuple[Criteria, Effort]) -> None:
@@ -153,18 +153,28 @@ def _at_levels(
     basis: str, reduced: Reduced, case: Case, counts: set[int], names: Sequence[str], for_all: int | None = None
 ) -> Prepared:
     """Return what each number of modes has in common. for_all: only with so many modes all surrogates are compared."""
-    levels = [
-        Level(
-            n,
-            projection_errors(reduced, case, n),
-            measure_reconstruction(reduced.basis, reduced.coefficients[case.unseen, :n]),
-            for_all is not None and n != for_all,
-        )
-        for n in sorted(counts)
-    ]
+    return Prepared(
+        basis,
+        reduced,
+        [
+            Level(
+                n,
+                projection_errors(reduced, case, n),
+                measure_reconstruction(reduced.basis, reduced.coefficients[case.unseen, :n]),
+                _kept(reduced, case, n, names),
+                for_all is not None and n != for_all,
+            )
+            for n in sorted(counts)
+        ],
+    )
+
+
+def _kept(reduced: Reduced, case: Case, n: int, names: Sequence[str]) -> dict[str, Rounding | None]:
+    """Return what each precision takes from mean and first n modes; nothing in double."""
     unseen = SnapshotMatrix(case.values).columns(case.unseen)
-    lost = roundings(reduced.basis, unseen, reduced.coefficients[case.unseen], reduced.outside, names)
-    return Prepared(basis, reduced, levels, {name: lost.get(name) for name in names})
+    left = len(reduced.basis.mean) * projection_errors(reduced, case, n) ** 2
+    lost = roundings(reduced.basis, unseen, reduced.coefficients[case.unseen, :n], left, names)
+    return {name: lost.get(name) for name in names}
 
 
 def _tried(
@@ -173,13 +183,13 @@ def _tried(
     """Each way of using this surrogate, once for every seed, with the projection error that it is held against."""
     member = SURROGATES[name]
     if member.raw:
-        floor, precisions = prepared[0].levels[-1].floor, list(prepared[0].kept)
-        for one in raw(name, case, precisions, extents(case)):
-            yield None, [one], floor
+        last = prepared[0].levels[-1]
+        for one in raw(name, case, list(last.kept), extents(case)):
+            yield None, [one], last.floor
         return
     trained = is_trained(name)
-    for basis, reduced, levels, kept in prepared[:1] if trained else prepared:
-        for n, floor, seconds, for_rates_only in levels:
+    for basis, reduced, levels in prepared[:1] if trained else prepared:
+        for n, floor, seconds, kept, for_rates_only in levels:
             if for_rates_only and not member.needs_rates:
                 continue  # it stays in the span of the positions: what more modes hold is lost on it
             seeds = range(effort.seed, effort.seed + (effort.seeds if trained else 1))

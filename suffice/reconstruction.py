@@ -122,16 +122,16 @@ def modal(
     rates = None if reduced.rates is None else reduced.rates[:, :n]
     surrogate.fit(case.times[case.training], reduced.coefficients[case.training, :n], rates)
     unseen, rows = case.times[case.unseen], len(reduced.basis.mean)
-    known, floor = reduced.coefficients[case.unseen], rows * projection_errors(reduced, case, n) ** 2
+    known, floor = reduced.coefficients[case.unseen, :n], rows * projection_errors(reduced, case, n) ** 2
     cost = measure_cost(surrogate, unseen, repeats=REPEATS)
     alone, among_many = reconstruct_seconds
     found = []
     for precision, rounding in kept.items():
         asked, size = narrowed(surrogate, finer(precision))
-        leading = 0 if rounding is None else min(rounding.leading, n)
+        leading = 0 if rounding is None else rounding.leading
         predicted = asked.predict(unseen)
         if rounding is None:
-            squares = floor + np.square(predicted - known[:, :n]).sum(axis=1)
+            squares = floor + np.square(predicted - known).sum(axis=1)
         else:
             squares = rounded_errors(rounding, floor, known, predicted)
         found.append(

@@ -8,7 +8,7 @@ import numpy as np
 from pod import Basis, SnapshotMatrix
 from suffice.precision import PRECISIONS, Array, Extent, extent_of, finer, read_back
 
-UNNOTICED = 0.01  # of the squared error that all modes leave: what the coarsest modes may add by rounding
+UNNOTICED = 0.01  # of the squared error that the modes leave: what the coarsest modes may add by rounding
 BLOCK_VALUES = 4 * 2**20  # of the modes that are rounded at once
 
 
@@ -17,32 +17,33 @@ class Rounding(NamedTuple):
 
     own: Array  # (1 + p, 1 + p) DᵀD
     on_modes: Array  # (p, 1 + p) ΦᵀD
-    on_rest: Array  # (u, 1 + p) rᵀD, r what the modes leave of the unseen snapshots
+    on_rest: Array  # (u, 1 + p) rᵀD, r what these p modes leave of the unseen snapshots
     leading: int  # modes that are kept in a finer precision
 
 
 def roundings(
     basis: Basis, unseen: SnapshotMatrix, coefficients: Array, outside: Array, names: Sequence[str]
 ) -> dict[str, Rounding]:
-    """Return the rounding of mean and modes in each precision but double, by one pass over the rows.
+    """Return the rounding of the mean and the first p modes in each precision but double, by one pass over the rows.
 
-    coefficients: (u, p) of the unseen snapshots; outside: (u,) squared norm of what all modes leave of them.
+    coefficients: (u, p) of the unseen snapshots; outside: (u,) squared norm of what these modes leave of them.
     """
     u, p = coefficients.shape
-    extents = extent_of([basis.mean[:, None]]), extent_of([basis.modes])
+    modes_kept = basis.modes[:, :p]
+    extents = extent_of([basis.mean[:, None]]), extent_of([modes_kept])
     found = {
         name: Rounding(
             np.zeros((1 + p, 1 + p)),
             np.zeros((p, 1 + p)),
             np.zeros((u, 1 + p)),
-            _leading(basis.modes, name, extents[1], coefficients, float(outside.mean())),
+            _leading(modes_kept, name, extents[1], coefficients, float(outside.mean())),
         )
         for name in names
         if name != "double"
     }
     start = 0
     for block in unseen.row_blocks():
-        mean, modes = basis.mean[start : start + len(block), None], basis.modes[start : start + len(block)]
+        mean, modes = basis.mean[start : start + len(block), None], modes_kept[start : start + len(block)]
         rest = block - mean - modes @ coefficients.T
         for name, sums in found.items():
             lost = np.hstack(
@@ -65,7 +66,7 @@ def _lost(modes: Array, name: str, extent: Extent, leading: int) -> Array:
 def _leading(modes: Array, name: str, extent: Extent, coefficients: Array, floor: float) -> int:
     """Count the leading modes that must be finer, so that the others add next to nothing to the squared error.
 
-    Rounding a mode by δφ errs by |c|² |δφ|²; the modes after the leading ones may add 1 % of what all modes leave.
+    Rounding a mode by δφ errs by |c|² |δφ|²; the modes after the leading ones may add 1 % of what all of them leave.
     """
     if PRECISIONS[name].finer is None:
         return 0
@@ -81,20 +82,14 @@ def _blocks(modes: Array) -> Iterator[Array]:
 
 
 def rounded_errors(rounding: Rounding, floor: Array, known: Array, predicted: Array) -> Array:
-    """Squared norm of W(t) - W̄' - Φ' ĉ at the unseen times, (u,), for the first n modes.
+    """Squared norm of W(t) - W̄' - Φ' ĉ at the unseen times, (u,).
 
-    With r_n what n modes leave of W(t), and a = (1, ĉ), W - W̄' - Φ'ĉ = r_n + Φ (c - ĉ) + D a. Every term is of the size
+    With r what the modes leave of W(t), and a = (1, ĉ), W - W̄' - Φ'ĉ = r + Φ (c - ĉ) + D a. Every term is of the size
     of an error, so nothing cancels; rounded modes are not orthonormal, and none is assumed to be.
-    floor: (u,) |r_n|²; known: (u, p) c; predicted: (u, n) ĉ.
+    floor: (u,) |r|²; known, predicted: (u, p) c and ĉ.
     """
-    n = predicted.shape[1]
-    some = slice(0, 1 + n)
     a = np.hstack([np.ones((len(predicted), 1)), predicted])
-    miss = known[:, :n] - predicted
-    # what truncation leaves is made of the modes beyond n
-    on_rest = (
-        rounding.on_rest[:, some] + known[:, n:] @ rounding.on_modes[n:, some] + miss @ rounding.on_modes[:n, some]
-    )
-    total = floor + np.einsum("ij,ij->i", miss, miss) + 2.0 * np.einsum("ij,ij->i", on_rest, a)
-    total += np.einsum("ij,ij->i", a @ rounding.own[some, some], a)
+    miss = known - predicted
+    total = floor + np.einsum("ij,ij->i", miss, miss) + np.einsum("ij,ij->i", a @ rounding.own, a)
+    total += 2.0 * np.einsum("ij,ij->i", rounding.on_rest + miss @ rounding.on_modes, a)
     return np.asarray(np.maximum(total, 0.0))

@@ -27,8 +27,9 @@ def winners(rows: Iterable[Row], networks: Collection[str] = NETWORKS) -> list[d
 
     Each entry has `variable`, `interval` (s), `levels` (one per number of modes of the plain basis: `modes`, `winner`,
     who is `tied` with it, the `next`, and `by` what part that errs more), `enriched` (the same of that basis), `raw`,
-    the best baseline without a model, `raw_wins`, whether it beats every model, `raw_by`, what part more than the best
-    of them it errs (negative: less), `behind`, the networks that a rival beats, and the `sentence` that says all this.
+    the best baseline without a model, `raw_wins`, whether it beats every model on the plain basis, `raw_by`, what part
+    more than the best of them it errs (negative: less), `behind`, the networks that a rival beats, and the `sentence`
+    that says all this.
     """
     places: dict[tuple[str, float], list[Row]] = {}
     for row in rows:
@@ -61,28 +62,20 @@ def _place(variable: str, interval: float, rows: Sequence[Row], networks: Collec
     enriched = [row for row in on_modes if row.get("basis") == ENRICHED]
     plain = [row for row in on_modes if row.get("basis") != ENRICHED]
     baselines = sorted((row for row in rows if row["modes"] is None and row["surrogate"] in RAW), key=error_of)
-    best = min(on_modes, key=error_of, default=None)
+    best, equal = (min(some, key=error_of, default=None) for some in (plain, enriched))
     raw = baselines[0] if baselines else None
-    raw_wins = best is not None and raw is not None and beats(raw, best)
     found = {
         "variable": variable,
         "interval": interval,
         "levels": _levels(plain),
         "enriched": _levels(enriched),
         "raw": None if raw is None else raw["surrogate"],
-        "raw_wins": raw_wins,
+        "raw_wins": best is not None and raw is not None and beats(raw, best),
         "raw_by": error_of(raw) / error_of(best) - 1.0 if raw and best and error_of(best) else None,
         "behind": _behind([*plain, *baselines], networks),
     }
-    return {**found, "sentence": _sentence(found, best, _against_plain(raw, plain))}
-
-
-def _against_plain(raw: Row | None, plain: Sequence[Row]) -> tuple[Row, float] | None:
-    """Return the best model of positions alone, and by what part a baseline that beats it errs less."""
-    best = min(plain, key=error_of, default=None)
-    if raw is None or best is None or not beats(raw, best):
-        return None
-    return best, 1.0 - error_of(raw) / error_of(best)
+    # velocities in the modes may make up for what positions alone lack
+    return {**found, "sentence": _sentence(found, best, equal if raw and equal and not beats(raw, equal) else None)}
 
 
 def in_the_widest(rows: Sequence[Row]) -> list[Row]:
@@ -139,23 +132,19 @@ def _said_of(behind: Sequence[Mapping[str, Any]]) -> list[str]:
     ]
 
 
-def _sentence(found: Mapping[str, Any], best: Row | None, behind: tuple[Row, float] | None) -> str:
+def _sentence(found: Mapping[str, Any], best: Row | None, equal: Row | None) -> str:
     start = f"{found['variable']}, Δτ {seconds_text(found['interval'])}: "
     parts = [_said(level) for level in found["levels"]]
     # with few modes of both only surrogates that know rates are compared: alone they win nothing
     parts += [_said(level, OF_BOTH) for level in found["enriched"] if level["tied"] or level["next"]]
     if found["raw_wins"] and best is not None:
+        none = "no model wins here" if equal is None else "no model of positions alone wins here"
         parts.append(
-            f"no model wins here: {found['raw']}, without any, errs {-found['raw_by']:.0%} less than the best of them, "
-            f"{best['surrogate']} on {best['modes']} modes{OF_BOTH if best.get('basis') == ENRICHED else ''}"
+            f"{none}: {found['raw']}, without any, errs {-found['raw_by']:.0%} less than the best of them, "
+            f"{best['surrogate']} on {best['modes']} modes"
         )
-    elif behind is not None and best is not None:
-        plain, less = behind
-        parts.append(
-            f"{found['raw']}, without a model, errs {less:.0%} less than the best of positions alone, "
-            f"{plain['surrogate']} on {plain['modes']} modes, and not less than {best['surrogate']} on {best['modes']} "
-            "modes of positions and velocities"
-        )
+        if equal is not None:
+            parts[-1] += f", and not less than {equal['surrogate']} on {equal['modes']} modes{OF_BOTH}"
     parts += _said_of(found["behind"])
     return start + ("; ".join(parts) or "nothing could be compared") + "."
 

@@ -30,14 +30,13 @@ def winners_section(results: Mapping[str, Any]) -> Section | None:
         return None
     body = "".join(_winner_row(entry) for entry in found)
     head = (
-        "<tr><th>variable</th><th>Δτ</th><th>on n<sub>lr</sub> modes</th><th>on all modes</th>"
-        "<th>with velocities</th><th>without any</th></tr>"
+        "<tr><th>variable</th><th>Δτ</th><th>on n<sub>lr</sub> modes</th><th>on all modes</th><th>without any</th></tr>"
     )
     items = "".join(f"<li>{escape(entry['sentence'])}</li>" for entry in found)
     text = (
         "The surrogate of the same number of modes that errs least between the snapshots, and how much more the next "
-        "one errs; <i>with velocities</i>: on all modes of positions and velocities. The best baseline without modes "
-        "is held against the best surrogate, and wins where it is bold. All in the precision of the run. What differs "
+        "one errs; the best baseline without modes is held against the best surrogate, and wins where it is bold. All "
+        "on modes of positions alone and in the precision of the run; the sentences name both bases. What differs "
         "by less than 1 %, or than the spread over seeds, is a tie."
     )
     below = f'<details><summary>In sentences</summary><ul class="verdicts">{items}</ul></details>'
@@ -48,8 +47,7 @@ def winners_section(results: Mapping[str, Any]) -> Section | None:
 def _winner_row(entry: Mapping[str, Any]) -> str:
     levels = entry["levels"]
     least, most = (levels[0], levels[-1]) if levels else (None, None)
-    both = entry["enriched"][-1] if entry["enriched"] else None
-    cells = (_level_cell(least if len(levels) > 1 else None), _level_cell(most), _level_cell(both), _raw_cell(entry))
+    cells = (_level_cell(least if len(levels) > 1 else None), _level_cell(most), _raw_cell(entry))
     shown = "".join(f"<td>{cell}</td>" for cell in cells)
     return f"<tr><td>{escape(str(entry['variable']))}</td><td>{seconds_text(entry['interval'])}</td>{shown}</tr>"
 

@@ -364,6 +364,9 @@ def test_thresholds_out_of_range_are_refused(suffice, write_run, here, options, 
         (["--max-error", "-1"], "-1"),
         (["--max-error", "inf"], "inf"),
         (["--max-seconds", "nan"], "nan"),
+        (["--max-bytes", "much"], "--max-bytes 'much': not a size; give bytes, or such as 500kB or 2MB"),
+        (["--max-bytes", "-2MB"], "max_bytes is -2e+06 B; it must be a positive number"),
+        (["--precision", "quarter"], "precision 'quarter'"),
     ],
 )
 @pytest.mark.usefixtures("here")
@@ -383,6 +386,11 @@ def test_json_goes_to_standard_output_alone_or_to_a_file(suffice, write_run, her
     assert names(here) == ["out.json", "run.h5", "run.particles.vtkhdf"]
     compared = suffice("compare", "run.h5", "--variable", "position.x", "--interval", "0.004", "--json", "-")
     assert {"rows", "bases", "left_out", "choice"} <= set(json.loads(compared.out))
+    limits = ("--max-bytes", "1MB", "--precision", "half", "--interval", "0.004", "--surrogate", "spline")
+    kept = json.loads(suffice("compare", "run.h5", "--variable", "position.x", *limits, "--json", "-").out)
+    assert kept["limits"]["max_bytes"] == 1e6
+    assert kept["choice"]["position.x"]["kept"]
+    assert {row["precision"] for row in kept["rows"]} >= {"half"}
     assert json.loads(suffice("info", "run.h5", "--json", "-").out)["n_particles"] == 24
 
 
