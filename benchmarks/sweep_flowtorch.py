@@ -26,7 +26,9 @@ def ratio_of(W, stride, SVD):
     last = (W.shape[1] - 1) // stride * stride + 1
     mean = W[:, training].mean(dim=1, keepdim=True)
     D = W[:, :last] - mean
-    svd = SVD(D[:, training].contiguous(), rank=len(range(0, last, stride)) - 1)  # about their mean they span one direction less
+    svd = SVD(
+        D[:, training].contiguous(), rank=len(range(0, last, stride)) - 1
+    )  # about their mean they span one direction less
     c = svd.U.T @ D
     outside = torch.zeros(last, dtype=W.dtype)
     for start in range(0, len(W), HEIGHT):
