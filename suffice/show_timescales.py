@@ -7,7 +7,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from suffice.timescales import ALIKE, BY_RULE, COSTS, DERIVED, OWN
+from suffice.timescales import ALIKE, BY_RULE, COSTS, DERIVED, FINEST, OWN
 from suffice.wording import bytes_text, number, seconds_text
 
 Row = Mapping[str, Any]
@@ -39,9 +39,11 @@ def sentences(answer: Mapping[str, Any]) -> list[str]:
     for cost, what in zip(COSTS, ("model bytes", "bytes of training snapshots"), strict=True):
         rows = _rows(levels, partial(_costs, cost))
         for fewer, more, words in (
-            (OWN, ALIKE, "own Δτ instead of one for all"),
-            (OWN + DERIVED, ALIKE + DERIVED, "the same with velocities derived from positions"),
-            (ALIKE + DERIVED, ALIKE, "velocities derived instead of modes of their own"),
+            (OWN, ALIKE, "own Δτ instead of the best one for all"),
+            (OWN, FINEST, "own Δτ instead of the finest of them for all"),
+            (OWN + DERIVED, ALIKE + DERIVED, "with v = dx/dt, own Δτ instead of the best one for all"),
+            (OWN + DERIVED, FINEST + DERIVED, "with v = dx/dt, own Δτ instead of the finest of them for all"),
+            (ALIKE + DERIVED, ALIKE, "v = dx/dt instead of modes of their own, one Δτ for all"),
         ):
             saved = [
                 1.0 - ways[fewer][cost] / ways[more][cost]
