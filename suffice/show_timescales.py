@@ -69,6 +69,11 @@ def _rows(levels: Iterable[Level], wanted: Callable[[Row], bool]) -> list[dict[s
     return [{row["strategy"]: row for row in level["rows"] if wanted(row)} for level in levels]
 
 
+def _shown(rows: Iterable[Mapping[str, Row]]) -> list[str]:
+    """Return the ways that have a column; the finest Δτ for all is told in sentences, the table is wide enough."""
+    return [way for way in dict.fromkeys(way for found in rows for way in found) if not way.startswith(FINEST)]
+
+
 def _table(
     answer: Mapping[str, Any],
     title: str,
@@ -77,7 +82,7 @@ def _table(
     cell: Callable[[Row], str],
 ) -> Table:
     """One line for every level of error, one column for every way."""
-    ways = list(dict.fromkeys(way for found in rows for way in found))
+    ways = _shown(rows)
     table = Table("errors", *ways, title=title, padding=(0, 0))
     for level, found in zip(levels, rows, strict=True):
         cells = [cell(found[way]) if way in found and found[way]["kept"] else "–" for way in ways]
@@ -97,6 +102,7 @@ def _errors(answer: Mapping[str, Any], errors: Mapping[str, float]) -> str:
 
 def _parts(rows: Mapping[str, Row]) -> Table:
     """Δτ, modes and error of each variable, in every way, at one level."""
+    rows = {way: rows[way] for way in _shown([rows])}
     names = list(dict.fromkeys(name for row in rows.values() for name in (*row["parts"], *row["derived"])))
     title = "Δτ, modes and RMSE of each variable at the last of these errors"
     table = Table("variable", *rows, title=title, padding=(0, 0))
