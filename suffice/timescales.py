@@ -99,7 +99,8 @@ def _study(
 ) -> Study:
     """Read every variable once and judge each Δτ and number of modes."""
     names = default_variables(run) if variables is None else list(dict.fromkeys(variables))
-    chosen = surrogate or ("hermite" if any(velocity_of(name) in run.variables for name in names) else FALLBACK)
+    known = (*run.quantities, *run.variables)
+    chosen = surrogate or ("hermite" if any(velocity_of(name) in known for name in names) else FALLBACK)
     check_judged(chosen)
     subsets = judged_subsets(run, intervals)
     derived = derived_velocities(names, chosen)

@@ -144,6 +144,13 @@ def test_the_contradiction_of_the_run_is_that_of_all_its_rows(path, answer):
     assert answer["contradiction_of_truth"] == pytest.approx(direct, rel=1e-9)
 
 
+def test_whole_vectors_are_variables_like_their_components(path):
+    with Run(path) as run:
+        found = compare_timescales(run, ["position", "velocity"], [0.004], None, ["1e-4m,0.2m/s"])
+    assert found["surrogates"] == {"position": "hermite", "velocity": "spline"}
+    assert row(found["levels"][0], OWN + DERIVED, cost=COSTS[0])["derived"].keys() == {"velocity"}
+
+
 def test_the_command_prints_tables_and_writes_json(path, tmp_path, suffice):
     words = ("compare", path, "--task", "timescales", "--interval", "0.004,0.002", "--max-error", "0.05d,0.05m/s")
     told = suffice(*words)
