@@ -3,9 +3,10 @@
 Reading order: `intervals` (which snapshots a candidate keeps), `gram` (the snapshots as inner products), `consistency`
 (projection errors and their ratio R_c), `feasibility` (n_lr, n_c, K_f and the verdict), `resolution` (R_a), `candidate`
 (all of it for one Δτ), `sweep` (for every Δτ in one pass), `coarse` (a run without a denser one beside it), `forecast`
-(a run that goes on).
+(a run that goes on), `allocation` (what each of several variables gets under a limit they share).
 """
 
+from selection.allocation import Allocation, allocate, allocate_alike
 from selection.candidate import Candidate
 from selection.coarse import Bounded, Coarse, intervals_without_truth, without_truth
 from selection.consistency import Consistency, Projection, consistency, project_from_factor, project_from_gram
@@ -18,6 +19,7 @@ from selection.resolution import resolution_ratio, spline_errors
 from selection.sweep import Sweep, judge, sweep
 
 __all__ = [
+    "Allocation",
     "ArraySnapshots",
     "Bounded",
     "Candidate",
@@ -32,6 +34,8 @@ __all__ = [
     "Snapshots",
     "Sweep",
     "Thresholds",
+    "allocate",
+    "allocate_alike",
     "check_duration",
     "consistency",
     "consistent_mode",

@@ -36,6 +36,12 @@ class Alternatives(NamedTuple):
     snapshot_bytes: Array  # of the training snapshots, velocities included where they are learnt from
     by_rule: NDArray[np.bool_]  # n is n_c, no fewer than n_lr
 
+    def at(self, interval: float) -> "Alternatives":
+        """Those of one Δτ (s) alone."""
+        which = self.interval == interval
+        columns = {name: column[which] for name, column in self._asdict().items() if isinstance(column, np.ndarray)}
+        return self._replace(**columns)
+
 
 def judged_subsets(run: Run, intervals: Sequence[float] | None) -> list[Subset]:
     """Training and testing sets of every Δτ, coarse to fine. Raises Refusal where nothing is left to judge by."""

@@ -182,8 +182,8 @@ def _check_units(run: Run, wanted: Wanted, trained: Sequence[str]) -> None:
     for name in trained:
         if units[name] not in wanted.limits:
             raise Refusal(
-                f"--max-error: {name} is in {units[name]} and no limit is; add one such as --max-error 0.1{units[name]}"
-                ", or leave the variable out"
+                f"--max-error: {name} is in {units[name]} and no limit is; add one such as '0.1 {units[name]}', or "
+                "leave the variable out"
             )
     if unused := set(wanted.limits) - set(units.values()):
         raise Refusal(f"--max-error: no variable is in {min(unused)}; leave that limit out")

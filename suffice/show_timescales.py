@@ -7,7 +7,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from suffice.timescales import ALIKE, BY_RULE, COSTS, DERIVED, OWN
+from suffice.timescales import ALIKE, BY_RULE, COSTS, DERIVED, FINEST, OWN
 from suffice.wording import bytes_text, number, seconds_text
 
 Row = Mapping[str, Any]
@@ -39,9 +39,11 @@ def sentences(answer: Mapping[str, Any]) -> list[str]:
     for cost, what in zip(COSTS, ("model bytes", "bytes of training snapshots"), strict=True):
         rows = _rows(levels, partial(_costs, cost))
         for fewer, more, words in (
-            (OWN, ALIKE, "own Δτ instead of one for all"),
-            (OWN + DERIVED, ALIKE + DERIVED, "the same with velocities derived from positions"),
-            (ALIKE + DERIVED, ALIKE, "velocities derived instead of modes of their own"),
+            (OWN, ALIKE, "own Δτ instead of the best one for all"),
+            (OWN, FINEST, "own Δτ instead of the finest of them for all"),
+            (OWN + DERIVED, ALIKE + DERIVED, "with v = dx/dt, own Δτ instead of the best one for all"),
+            (OWN + DERIVED, FINEST + DERIVED, "with v = dx/dt, own Δτ instead of the finest of them for all"),
+            (ALIKE + DERIVED, ALIKE, "v = dx/dt instead of modes of their own, one Δτ for all"),
         ):
             saved = [
                 1.0 - ways[fewer][cost] / ways[more][cost]
@@ -67,6 +69,11 @@ def _rows(levels: Iterable[Level], wanted: Callable[[Row], bool]) -> list[dict[s
     return [{row["strategy"]: row for row in level["rows"] if wanted(row)} for level in levels]
 
 
+def _shown(rows: Iterable[Mapping[str, Row]]) -> list[str]:
+    """Return the ways that have a column; the finest Δτ for all is told in sentences, the table is wide enough."""
+    return [way for way in dict.fromkeys(way for found in rows for way in found) if not way.startswith(FINEST)]
+
+
 def _table(
     answer: Mapping[str, Any],
     title: str,
@@ -75,7 +82,7 @@ def _table(
     cell: Callable[[Row], str],
 ) -> Table:
     """One line for every level of error, one column for every way."""
-    ways = list(dict.fromkeys(way for found in rows for way in found))
+    ways = _shown(rows)
     table = Table("errors", *ways, title=title, padding=(0, 0))
     for level, found in zip(levels, rows, strict=True):
         cells = [cell(found[way]) if way in found and found[way]["kept"] else "–" for way in ways]
@@ -95,6 +102,7 @@ def _errors(answer: Mapping[str, Any], errors: Mapping[str, float]) -> str:
 
 def _parts(rows: Mapping[str, Row]) -> Table:
     """Δτ, modes and error of each variable, in every way, at one level."""
+    rows = {way: rows[way] for way in _shown([rows])}
     names = list(dict.fromkeys(name for row in rows.values() for name in (*row["parts"], *row["derived"])))
     title = "Δτ, modes and RMSE of each variable at the last of these errors"
     table = Table("variable", *rows, title=title, padding=(0, 0))

@@ -23,6 +23,7 @@ from suffice.variables import default_variables, mean_diameter
 from surrogates import SURROGATES
 
 BY_RULE, ALIKE, OWN, DERIVED = "one Δτ, n by the rule", "one Δτ", "own Δτ", ", v = dx/dt"
+FINEST = "finest Δτ"  # of those that the variables were given
 FALLBACK = "spline"  # of a variable whose derivative no run holds, beside a surrogate that needs it
 COSTS = ("model_bytes", "snapshot_bytes")
 
@@ -98,7 +99,8 @@ def _study(
 ) -> Study:
     """Read every variable once and judge each Δτ and number of modes."""
     names = default_variables(run) if variables is None else list(dict.fromkeys(variables))
-    chosen = surrogate or ("hermite" if any(velocity_of(name) in run.variables for name in names) else FALLBACK)
+    known = (*run.quantities, *run.variables)
+    chosen = surrogate or ("hermite" if any(velocity_of(name) in known for name in names) else FALLBACK)
     check_judged(chosen)
     subsets = judged_subsets(run, intervals)
     derived = derived_velocities(names, chosen)
@@ -128,8 +130,8 @@ def _checked(study: Study, limits: Mapping[str, float]) -> dict[str, float]:
     for name, table in study.tables.items():
         if table.unit not in limits:
             raise Refusal(
-                f"--max-error: {name} is in {table.unit} and no limit is; add one such as --max-error 0.1{table.unit}, "
-                "or leave the variable out"
+                f"--max-error: {name} is in {table.unit} and no limit is; add one such as '0.1 {table.unit}', or "
+                "leave the variable out"
             )
         found[whole_of(name)] = limits[table.unit]
     return found
@@ -185,7 +187,12 @@ def _level(study: Study, interval: float | None, limits: Mapping[str, float]) ->
         chosen = tuple(_by_rule(study.tables, interval))
         rows.append(_row(study, Way(BY_RULE, study.tables, alike=True), Allocation(chosen, 0.0, np.zeros(0), True)))
     for cost in COSTS:
-        rows += [{**_row(study, way, _least(study, way, limits, cost)), "cost": cost} for way in ways]
+        for way in ways:
+            found = _row(study, way, _least(study, way, limits, cost))
+            rows.append({**found, "cost": cost})
+            if not way.alike:
+                finest = _finest(way, found["parts"])
+                rows.append({**_row(study, finest, _least(study, finest, limits, cost)), "cost": cost})
     known: Known = {}
     for row in rows:
         if row["cost"] != COSTS[1]:
@@ -195,6 +202,13 @@ def _level(study: Study, interval: float | None, limits: Mapping[str, float]) ->
         most = rival["model_bytes"]
         rows += [{**_row(study, way, _within(study, way, limits, most)), "equal_bytes": most} for way in ways]
     return {"interval": interval, "limits": dict(limits), "rows": rows}
+
+
+def _finest(way: Way, parts: Mapping[str, Mapping[str, Any]]) -> Way:
+    """Give every variable the finest Δτ that any of them was given: what one output interval for all comes to."""
+    interval = min(part["interval"] for part in parts.values())
+    tables = {name: table.at(interval) for name, table in way.tables.items()}
+    return Way(way.name.replace(OWN, FINEST), tables, alike=True)
 
 
 def _least(study: Study, way: Way, limits: Mapping[str, float], cost: str) -> Allocation:

@@ -191,3 +191,19 @@ def test_times_that_are_none_are_refused(text):
 def test_times_are_a_range_that_holds_its_end_or_a_list():
     np.testing.assert_allclose(parse_times("0:0.3:0.1"), [0.0, 0.1, 0.2, 0.3])
     np.testing.assert_allclose(parse_times("0.5,0.75"), [0.5, 0.75])
+
+
+def test_a_surrogate_without_a_network_says_that_it_is_trained(source, tmp_path, suffice):
+    words = ("--variable", "position", "--interval", "0.002", "--surrogate", "spline", "-o", tmp_path / "model")
+    told = suffice("--log-json", "train", source, *words)
+    assert told.code == 0
+    lines = [json.loads(line) for line in told.err.splitlines()]
+    assert [(line["stage"], line["done"], line["all"]) for line in lines] == [("train", 0, 1), ("train", 1, 1)]
+
+
+def test_a_model_takes_as_many_bytes_as_its_card_tells_beside_the_particles(source, tmp_path):
+    card = trained(source, tmp_path / "model")
+    arrays = load_file(tmp_path / "model" / ARRAYS)
+    assert arrays["modes"].dtype == arrays["mean"].dtype == np.float32  # as the snapshots they were made of
+    kept = sum(array.nbytes for name, array in arrays.items() if name not in ("ids", "radius", "species"))
+    assert card["storage_bytes"] == kept

@@ -11,7 +11,7 @@ from suffice.compare import compare
 from suffice.condensed import condense, triangular_factor
 from suffice.run import Run
 from suffice.store import RunWriter
-from suffice.timescales import ALIKE, BY_RULE, COSTS, DERIVED, OWN, compare_timescales
+from suffice.timescales import ALIKE, BY_RULE, COSTS, DERIVED, FINEST, OWN, compare_timescales
 
 DENSE, COUNT, BEADS = 0.001, 121, 40
 
@@ -100,7 +100,8 @@ def test_own_intervals_never_take_more_than_one_and_own_ranks_no_more_than_the_r
         for cost in COSTS:
             for ending in ("", DERIVED):
                 own, alike = row(level, OWN + ending, cost=cost), row(level, ALIKE + ending, cost=cost)
-                assert own[cost] <= alike[cost]
+                finest = row(level, FINEST + ending, cost=cost)
+                assert own[cost] <= alike[cost] <= finest[cost]
                 assert own["kept"]
         assert row(level, ALIKE, cost=COSTS[0])[COSTS[0]] <= row(level, BY_RULE)[COSTS[0]]
         for found in level["rows"]:
@@ -143,11 +144,18 @@ def test_the_contradiction_of_the_run_is_that_of_all_its_rows(path, answer):
     assert answer["contradiction_of_truth"] == pytest.approx(direct, rel=1e-9)
 
 
+def test_whole_vectors_are_variables_like_their_components(path):
+    with Run(path) as run:
+        found = compare_timescales(run, ["position", "velocity"], [0.004], None, ["1e-4m,0.2m/s"])
+    assert found["surrogates"] == {"position": "hermite", "velocity": "spline"}
+    assert row(found["levels"][0], OWN + DERIVED, cost=COSTS[0])["derived"].keys() == {"velocity"}
+
+
 def test_the_command_prints_tables_and_writes_json(path, tmp_path, suffice):
     words = ("compare", path, "--task", "timescales", "--interval", "0.004,0.002", "--max-error", "0.05d,0.05m/s")
     told = suffice(*words)
     assert told.code == 0, told.err
-    assert "own Δτ instead of one for all:" in told.out
+    assert "own Δτ instead of the best one for all:" in told.out
     assert suffice(*words, "--json", tmp_path / "answer.json").code == 0
     (level,) = json.loads((tmp_path / "answer.json").read_text())["levels"]
     assert level["limits"] == {"position": pytest.approx(5e-5), "velocity": 0.05}
