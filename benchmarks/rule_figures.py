@@ -80,7 +80,7 @@ def draw_intervals(ax: Axes, cases: Sequence[Case], coarse: Sequence[Case]) -> N
     ax.plot(ends, ends, color=INK, linewidth=0.9, linestyle=":")
     ax.plot(ends, ends / 2.5, color=FAINT, linewidth=0.9, linestyle=":")
     ax.text(26, 27.5, "as needed", fontsize=9, ha="right")
-    ax.text(23, 8.2, "2.5 times finer", fontsize=9)
+    ax.text(15, 4.6, "2.5 times finer", fontsize=9)
     for case, (two, one, true) in pairs(cases, coarse):
         colour, mark = COLOURS[case["flow"]], MARKS[kind_of(case)]
         if 0 < true < np.inf:
