@@ -37,6 +37,16 @@ def measured(name: str, folder: Path, results: Path, measuring: Measuring = meas
     return found
 
 
+def extra_table(title: str, folder: Path, results: Path) -> str:
+    """Return a table of the extras, made now if it is not on disk."""
+    path = results / "rule_extras.json"
+    made: dict[str, str] = json.loads(path.read_text()) if path.exists() else {}
+    if title not in made:
+        made[title] = EXTRAS[title](folder)
+        path.write_text(json.dumps(made))
+    return made[title]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=Path, required=True, metavar="DIR")
@@ -63,8 +73,8 @@ def main() -> None:
         print(f"\n### {title}\n\n{body}", flush=True)
     for title, of_scans in {"Runs": flows_table, "How much too fine": ratios_table}.items():
         print(f"\n### {title}\n\n{of_scans(cases, coarse)}", flush=True)
-    for title, extra in EXTRAS.items():
-        print(f"\n### {title}\n\n{extra(options.runs)}", flush=True)
+    for title in EXTRAS:
+        print(f"\n### {title}\n\n{extra_table(title, options.runs, results)}", flush=True)
 
 
 if __name__ == "__main__":
