@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from rule_cases import Case, measure, measure_coarse
-from rule_extras import EXTRAS
+from rule_extras import EXTRAS, quoted_table
 from rule_figures import draw_all
 from rule_flows import FLOWS, PROVOKED, SEEDS, Flow, make
 from rule_intervals import flows_table, ratios_table
@@ -73,6 +73,7 @@ def main() -> None:
         print(f"\n### {title}\n\n{body}", flush=True)
     for title, of_scans in {"Runs": flows_table, "How much too fine": ratios_table}.items():
         print(f"\n### {title}\n\n{of_scans(cases, coarse)}", flush=True)
+    print(f"\n### Figures in the text\n\n{quoted_table(cases)}", flush=True)
     for title in EXTRAS:
         print(f"\n### {title}\n\n{extra_table(title, options.runs, results)}", flush=True)
 
