@@ -5,11 +5,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from rule_cases import STRIDES, Case, judged
+from rule_cases import STRIDES, Case, add_errors_, judged
 from rule_flows import FLOWS, PROVOKED, SEEDS
 from rule_intervals import at_feasibility, at_promise, told
 from rule_tables import kind_of, table
-from rule_truth import curve, keeps_promise_up_to_n_c, least_error, promised, spline_breach
+from rule_truth import breach, curve, keeps_promise_up_to_n_c, least_error, promised, spline_breach
 
 from suffice.compare import compare
 from suffice.run import Run
@@ -85,23 +85,28 @@ def networks_table(folder: Path) -> str:
 
 def provoked_table(folder: Path) -> str:
     """Sample a box that is shaken too gently for its beads to fly, ever more coarsely."""
-    rows = []
     with Run(folder / f"{PROVOKED}.h5") as run:
-        for case in judged(run, "position.z", FLOWS[PROVOKED](), strides=PROVOKED_STRIDES):
-            R_a = "–" if case["R_a"] is None else f"{case['R_a']:.2f}"
-            rows.append(
-                [
-                    f"{case['in_unit_of_flow']:g} %",
-                    str(case["n_snapshots"]),
-                    str(case["n_lr"]),
-                    str(case["n_c"]),
-                    f"{case['K_f'] or 0:.2f}",
-                    R_a,
-                    case["verdict"],
-                    f"{spline_breach(case):.2f}",
-                ]
-            )
-    head = ["Δτ, of a period", "snapshots", "n_lr", "n_c", "K_f", "R_a", "our verdict", "spline, E/E_train at n_lr"]
+        cases = judged(run, "position.z", FLOWS[PROVOKED](), strides=PROVOKED_STRIDES)
+        add_errors_(cases, run, "position.z")
+    rows = []
+    for case in cases:
+        best = min(case["errors"], key=lambda name: case["errors"][name]["n_lr"])
+        R_a = "–" if case["R_a"] is None else f"{case['R_a']:.2f}"
+        numbers = [str(case[what]) for what in ("n_snapshots", "n_lr", "n_c")]
+        errors = [f"{spline_breach(case):.2f}", f"{breach(case):.2f}, {best}"]
+        K_f = f"{case['K_f'] or 0:.2f}"
+        rows.append([f"{case['in_unit_of_flow']:g} %", *numbers, K_f, R_a, case["verdict"], *errors])
+    head = [
+        "Δτ, of a period",
+        "snapshots",
+        "n_lr",
+        "n_c",
+        "K_f",
+        "R_a",
+        "our verdict",
+        "E/E_train at n_lr, spline",
+        "best",
+    ]
     return table(head, rows)
 
 
