@@ -153,7 +153,9 @@ def feasibility_table(cases: Sequence[Case]) -> str:
         rule = _at_least(limit)
         found = [tried(cases, rule, truth) for truth in (keeps_promise, keeps_promise_up_to_n_c, holds_energy)]
         rows.append([f"{limit:g}", *(f"{f.strict} / {f.lenient} / {f.balanced:.2f}" for f in found)])
-    return table(["K_f ≥", "T1: strict / lenient / balanced", "T2", "T3"], rows)
+        rows[-1] += shifts(cases, cases, limit)
+    head = ["K_f ≥", "T1: strict / lenient / balanced", "T2", "T3", "chosen Δτ, median factor", "scans that choose"]
+    return table(head, rows)
 
 
 def _at_least(limit: float) -> Judge:
@@ -188,12 +190,12 @@ def thresholds_table(cases: Sequence[Case]) -> str:
     return table([*head, "chosen Δτ, median factor", "scans that choose"], rows)
 
 
-def shifts(before: Sequence[Case], after: Sequence[Case]) -> list[str]:
+def shifts(before: Sequence[Case], after: Sequence[Case], limit: float = 2.0) -> list[str]:
     """By what factor the chosen Δτ moves, over the scans that choose one both times, and how many choose one."""
     factors, choosing = [], 0
     changed = of_variables(after)
     for key, own in of_variables(before).items():
-        first, second = largest(own, _at_least(2.0)), largest(changed[key], _at_least(2.0))
+        first, second = largest(own, _at_least(2.0)), largest(changed[key], _at_least(limit))
         choosing += second is not None
         if first and second:
             factors.append(second / first)
