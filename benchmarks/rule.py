@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from rule_cases import Case, measure, measure_coarse
-from rule_extras import EXTRAS
+from rule_extras import EXTRAS, quoted_table
 from rule_figures import draw_all
 from rule_flows import FLOWS, PROVOKED, SEEDS, Flow, make
 from rule_intervals import flows_table, ratios_table
@@ -35,6 +35,16 @@ def measured(name: str, folder: Path, results: Path, measuring: Measuring = meas
         print(f"{name}: {len(cases)} cases", file=sys.stderr, flush=True)
     found: list[Case] = json.loads(path.read_text())
     return found
+
+
+def extra_table(title: str, folder: Path, results: Path) -> str:
+    """Return a table of the extras, made now if it is not on disk."""
+    path = results / "rule_extras.json"
+    made: dict[str, str] = json.loads(path.read_text()) if path.exists() else {}
+    if title not in made:
+        made[title] = EXTRAS[title](folder)
+        path.write_text(json.dumps(made))
+    return made[title]
 
 
 def main() -> None:
@@ -63,8 +73,9 @@ def main() -> None:
         print(f"\n### {title}\n\n{body}", flush=True)
     for title, of_scans in {"Runs": flows_table, "How much too fine": ratios_table}.items():
         print(f"\n### {title}\n\n{of_scans(cases, coarse)}", flush=True)
-    for title, extra in EXTRAS.items():
-        print(f"\n### {title}\n\n{extra(options.runs)}", flush=True)
+    print(f"\n### Figures in the text\n\n{quoted_table(cases)}", flush=True)
+    for title in EXTRAS:
+        print(f"\n### {title}\n\n{extra_table(title, options.runs, results)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -76,14 +76,14 @@ def rules_table(cases: Sequence[Case]) -> str:
 
 
 def truths_table(cases: Sequence[Case]) -> str:
-    """Hold the paper's rule, and K_f ≥ 1, against every truth."""
+    """Hold four rules against every truth."""
     positions = [case for case in cases if kind_of(case) == "position"]
     held = [(name, truth, cases) for name, truth in TRUTHS.items()]
     held.append(("T4, positions within 0.05 d", within_diameters, positions))
     rows = [
         [name, rule, *counts(tried(own, RULES[rule], truth))]
         for name, truth, own in held
-        for rule in ("paper, K_f ≥ 2", "paper, K_f ≥ 1")
+        for rule in ("paper, K_f ≥ 2", "ours, verdict sufficient", "paper, K_f ≥ 1", "spline on n_lr modes")
     ]
     return table(["truth", "rule", *HEAD], rows)
 
@@ -153,7 +153,9 @@ def feasibility_table(cases: Sequence[Case]) -> str:
         rule = _at_least(limit)
         found = [tried(cases, rule, truth) for truth in (keeps_promise, keeps_promise_up_to_n_c, holds_energy)]
         rows.append([f"{limit:g}", *(f"{f.strict} / {f.lenient} / {f.balanced:.2f}" for f in found)])
-    return table(["K_f ≥", "T1: strict / lenient / balanced", "T2", "T3"], rows)
+        rows[-1] += shifts(cases, cases, limit)
+    head = ["K_f ≥", "T1: strict / lenient / balanced", "T2", "T3", "chosen Δτ, median factor", "scans that choose"]
+    return table(head, rows)
 
 
 def _at_least(limit: float) -> Judge:
@@ -188,12 +190,12 @@ def thresholds_table(cases: Sequence[Case]) -> str:
     return table([*head, "chosen Δτ, median factor", "scans that choose"], rows)
 
 
-def shifts(before: Sequence[Case], after: Sequence[Case]) -> list[str]:
+def shifts(before: Sequence[Case], after: Sequence[Case], limit: float = 2.0) -> list[str]:
     """By what factor the chosen Δτ moves, over the scans that choose one both times, and how many choose one."""
     factors, choosing = [], 0
     changed = of_variables(after)
     for key, own in of_variables(before).items():
-        first, second = largest(own, _at_least(2.0)), largest(changed[key], _at_least(2.0))
+        first, second = largest(own, _at_least(2.0)), largest(changed[key], _at_least(limit))
         choosing += second is not None
         if first and second:
             factors.append(second / first)

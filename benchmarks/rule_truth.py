@@ -128,8 +128,8 @@ SCORES: dict[str, Callable[[Case], float]] = {  # larger speaks for a Δτ
     "1/R_a": lambda case: 1 / case["R_a"] if case["R_a"] else 0.0,
     "τ/Δτ": lambda case: case["correlation_time"] / case["interval"],
     "snapshots/n_lr": lambda case: case["n_snapshots"] / case["n_lr"],
-    "energy at unseen times": unseen_energy,
-    "raw interpolation": lambda case: -raw_left(case),
+    "energy, allowed/left": lambda case: (1 - limits_of(case).energy) / (1 - unseen_energy(case)),
+    "raw, allowed/left": lambda case: (1 - limits_of(case).energy) / raw_left(case),
     "E_train/E_spline at n_lr": lambda case: 1 / spline_breach(case),
 }
 

@@ -6,10 +6,13 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from selection import Thresholds, project_from_gram, resolution_ratio, spline_errors
+from sim import parse_scene
+from suffice.store import Run, RunWriter
 
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 
 from rule_cases import correlation_time, gram_cases
+from rule_flows import FLOWS, crop, scene_of
 from rule_truth import (
     Confusion,
     across_flows,
@@ -206,3 +209,37 @@ def test_correlation_time_is_that_of_an_exponential_memory():
 def test_correlation_time_of_a_vibration_is_the_phase_at_which_a_cosine_is_one_over_e():
     vibration = np.cos(0.1 * np.arange(2000))[None]
     assert correlation_time(vibration) == pytest.approx(np.arccos(1 / np.e) / 0.1, rel=0.01)
+
+
+def test_violence_changes_the_clock_but_not_the_snapshots_in_a_turn():
+    for names in (("dry_mild", "dry_violent"), ("wet_mild", "wet_violent"), ("drum_mild", "drum_violent")):
+        mild, violent = (FLOWS[name]() for name in names)
+        assert mild.interval / violent.interval == pytest.approx(4)
+        assert mild.interval * mild.units_per_second == pytest.approx(violent.interval * violent.units_per_second)
+
+
+@pytest.mark.parametrize("name", FLOWS)
+def test_every_flow_is_a_scene_that_ends_with_its_last_snapshot(name):
+    flow = FLOWS[name]()
+    scene = parse_scene(scene_of(flow), name)
+    assert scene.time.duration / flow.interval == pytest.approx(flow.start_up + flow.snapshots - 1)
+    assert scene.output.interval == flow.interval
+    assert ("fluid" in scene.model_fields_set) == (flow.flow in ("wet mill", "fluidised bed"))
+
+
+def test_a_run_without_its_start_up_keeps_its_clock(tmp_path):
+    whole, cut = tmp_path / "whole.h5", tmp_path / "cut.h5"
+    place = np.arange(6.0).reshape(2, 3)
+    with RunWriter(
+        whole, ids=[1, 2], radius=[1e-3, 1e-3], species=[0, 0], n_snapshots=5, provenance={"scene": "made up"},
+        variables=["position"], series=["energy"],
+    ) as writer:  # fmt: skip
+        for k in range(5):
+            writer.append(0.1 * k, {"position": place + k}, {"energy": float(k)})
+    with Run(whole) as run:
+        crop(run, 2, cut)
+    with Run(cut) as run:
+        assert run.times == pytest.approx([0.2, 0.3, 0.4])
+        assert run.snapshot(0).values["position"] == pytest.approx(place + 2)
+        assert run.series["energy"] == pytest.approx([2, 3, 4])
+        assert run.provenance["scene"] == "made up"
