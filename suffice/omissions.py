@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
+from time import process_time
 from typing import Any, NamedTuple
 
 from pydantic import Field, model_validator
@@ -128,13 +129,15 @@ def _running(case: Case, scene: str, home: Path, reporter: Reporter) -> Stage:
     def make() -> str:
         try:
             predicted = _predicted_seconds(setting)
+            began = process_time()
             detail = plain.make()
         except (InputError, LimitError) as error:
             if not case.left_out:
                 raise
             write_json({"refused": str(error)}, str(case.cost))
             return f"refused: {error}"
-        write_json({**read_json(case.cost), "predicted_seconds": predicted}, str(case.cost))
+        own = {"predicted_seconds": predicted, "processor_seconds": process_time() - began}
+        write_json({**read_json(case.cost), **own}, str(case.cost))
         return detail
 
     return plain._replace(make=make)

@@ -78,7 +78,7 @@ def _cost_cells(cost: Row, relative: float) -> list[str]:
     return [
         seconds_text(cost["seconds"]),
         number(relative, 2),
-        seconds_text(cost.get("predicted_seconds")),
+        seconds_text(cost["predicted_seconds"]),
         number(cost["particle_steps_per_second"] / 1e6, 2),
         bytes_text(cost["bytes_per_snapshot"]),
     ]
@@ -166,7 +166,7 @@ def terms_figure(answer: Mapping[str, Any]) -> Figure:
         for i, term in enumerate(terms)
     ]
     layout = {
-        "xaxis": {"title": {"text": "wall time (s)"}, "type": "linear"},
+        "xaxis": {"title": {"text": "time of computing (s)"}, "type": "linear"},
         "yaxis": {"autorange": "reversed", "type": "category"},
         "barmode": "stack",
         "hovermode": "closest",
