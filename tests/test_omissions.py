@@ -252,7 +252,7 @@ def test_a_refused_variant_is_listed_with_its_reason_and_is_never_chosen():
     assert answer["rows"][0]["refused"] == refused.refused
     assert (answer["rows"][0]["keeps"], answer["rows"][0]["on_front"]) == (False, False)
     assert answer["choice"]["variant"] == "close"
-    page = render({"omissions": answer})
+    page = render({"omissions": answer | {"variable": "position.x"}})
     assert "Physics left out" in page
     assert "refused: particle 3 overlaps &lt;b&gt;the wall&lt;/b&gt;" in page
 
