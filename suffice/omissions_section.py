@@ -12,6 +12,7 @@ from suffice.wording import bytes_text, escape, number, seconds_text
 Row = Mapping[str, Any]
 FRONT, TERMS, SPECTRUM = "front", "terms", "spectrum"
 SHOWN = {FRONT: "error against cost", TERMS: "seconds by term", SPECTRUM: "impacts by energy"}
+ROUNDED = 0.0995  # differences above it are shown in whole per cent
 SEEN = 1e-3  # of the largest power: bins below it at either end are not drawn
 PER_DECADE = 5  # bins of the spectrum of impacts in a decade of energy
 
@@ -54,16 +55,17 @@ def _signed(row: Row, name: str) -> str:
     if value is None:
         return "–"
     sign = "" if name.startswith("void_fraction") else "+"  # the difference of a profile has none
-    text = f"{100 * value:{sign}.{0 if abs(value) >= 1.0 else 2}{'f' if abs(value) >= 1.0 else 'g'}}"
+    text = f"{100 * value:{sign}.{0 if abs(value) >= ROUNDED else 1}f}"
     return f"<b>{text}</b>" if row["real"].get(name) else text
 
 
 def _table(answer: Mapping[str, Any]) -> str:
     asked: Sequence[str] = answer["asked"]
-    titles = ["seconds", "of the<br>scene", *(_broken(name) for name in asked), "error", "keeps it", "Δτ"]
+    keeps = f"keeps<br>{_percent(answer['max_difference'])}"
+    titles = ["of the<br>scene", "error", keeps, "seconds", *(_broken(name) for name in asked), "Δτ"]
     scene = answer["reference"]
     chosen = _chosen(scene["feasibility"])
-    first = _cells([seconds_text(scene["seconds"]), "1", *("0" for _ in asked), "0", "", chosen])
+    first = _cells(["1", "0", "", seconds_text(scene["seconds"]), *("0" for _ in asked), chosen])
     rows = [f"<tr><td><i>the scene itself</i></td>{first}</tr>", *(_table_row(row, asked) for row in answer["rows"])]
     return _framed("variant", titles, rows)
 
@@ -86,9 +88,9 @@ def _table_row(row: Row, asked: Sequence[str]) -> str:
     name = f'<td title="{escape(str(row["left_out"]))}">{escape(str(row["variant"]))}</td>'
     if row["refused"] is not None:
         return f'<tr>{name}<td colspan="{5 + len(asked)}">refused, see below</td></tr>'
-    cost = [seconds_text(row["seconds"]), number(row["relative_cost"], 2)]
-    verdict = [_percent(row["error"]), _pill(row), _chosen([row["feasibility"]])]
-    return f"<tr>{name}{_cells([*cost, *(_signed(row, key) for key in asked), *verdict])}</tr>"
+    judged = [number(row["relative_cost"], 2), _percent(row["error"]), _pill(row), seconds_text(row["seconds"])]
+    differences = (_signed(row, key) for key in asked)
+    return f"<tr>{name}{_cells([*judged, *differences, _chosen([row['feasibility']])])}</tr>"
 
 
 def _pill(row: Row) -> str:
