@@ -15,6 +15,7 @@ from suffice.explain import explain
 from suffice.omissions_compare import compare_omissions
 from suffice.omissions_means import Outcome, check_names, means_of
 from suffice.progress import Reporter
+from suffice.refusal import Refusal
 from suffice.results import OMISSIONS, read_json
 from suffice.run import Run
 from suffice.simulating import changed_scene
@@ -91,6 +92,7 @@ def omission_stages(
     """
     check_names(wish.observables)
     cases = list(_cases(wish, scene, seed, home, folder))
+    _check_asked(wish, changed_scene(cases[0].text, scene, home=(home / scene).parent))
     runs = [_running(case, scene, home, reporter) for case in cases]
 
     def compared() -> str:
@@ -106,6 +108,21 @@ def omission_stages(
         return str(answer["choice"]["sentence"])
 
     return [*runs, Stage("compare omissions", wish.model_dump(), (folder / OMISSIONS,), compared)]
+
+
+def _check_asked(wish: Omissions, setting: Scene) -> None:
+    """Raise Refusal for what runs of a scene cannot answer, before they take their time."""
+    counted = [name for name in wish.observables if name.startswith("impacts.")]
+    if counted and not setting.output.impacts:
+        raise Refusal(f"observables: {counted[0]} needs output.impacts = true; set it in [omissions.changes]")
+    dense, duration = setting.output.interval, setting.time.duration
+    if duration - wish.start_up < 2.0 * dense * (1.0 - 1e-9):
+        raise Refusal(
+            f"start_up = {wish.start_up:g} s leaves less than two intervals of output.interval = {dense:g} s until "
+            f"time.duration = {duration:g} s; lower it, or lengthen the run"
+        )
+    if abs(wish.interval / dense - round(wish.interval / dense)) > 1e-6 or wish.interval < dense * (1.0 - 1e-6):
+        raise Refusal(f"interval = {wish.interval:g} s is no multiple of output.interval = {dense:g} s; give one")
 
 
 def _cases(wish: Omissions, scene: str, seed: int | None, home: Path, folder: Path) -> Iterator[Case]:
