@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
+from time import perf_counter, process_time
 from typing import Any, NamedTuple
 
 from pydantic import Field, model_validator
@@ -14,6 +15,7 @@ from suffice.explain import explain
 from suffice.omissions_compare import compare_omissions
 from suffice.omissions_means import Outcome, check_names, means_of
 from suffice.progress import Reporter
+from suffice.refusal import Refusal
 from suffice.results import OMISSIONS, read_json
 from suffice.run import Run
 from suffice.simulating import changed_scene
@@ -90,6 +92,7 @@ def omission_stages(
     """
     check_names(wish.observables)
     cases = list(_cases(wish, scene, seed, home, folder))
+    _check_asked(wish, changed_scene(cases[0].text, scene, home=(home / scene).parent))
     runs = [_running(case, scene, home, reporter) for case in cases]
 
     def compared() -> str:
@@ -105,6 +108,21 @@ def omission_stages(
         return str(answer["choice"]["sentence"])
 
     return [*runs, Stage("compare omissions", wish.model_dump(), (folder / OMISSIONS,), compared)]
+
+
+def _check_asked(wish: Omissions, setting: Scene) -> None:
+    """Raise Refusal for what runs of a scene cannot answer, before they take their time."""
+    counted = [name for name in wish.observables if name.startswith("impacts.")]
+    if counted and not setting.output.impacts:
+        raise Refusal(f"observables: {counted[0]} needs output.impacts = true; set it in [omissions.changes]")
+    dense, duration = setting.output.interval, setting.time.duration
+    if duration - wish.start_up < 2.0 * dense * (1.0 - 1e-9):
+        raise Refusal(
+            f"start_up = {wish.start_up:g} s leaves less than two intervals of output.interval = {dense:g} s until "
+            f"time.duration = {duration:g} s; lower it, or lengthen the run"
+        )
+    if abs(wish.interval / dense - round(wish.interval / dense)) > 1e-6 or wish.interval < dense * (1.0 - 1e-6):
+        raise Refusal(f"interval = {wish.interval:g} s is no multiple of output.interval = {dense:g} s; give one")
 
 
 def _cases(wish: Omissions, scene: str, seed: int | None, home: Path, folder: Path) -> Iterator[Case]:
@@ -128,24 +146,31 @@ def _running(case: Case, scene: str, home: Path, reporter: Reporter) -> Stage:
     def make() -> str:
         try:
             predicted = _predicted_seconds(setting)
+            began = process_time()
             detail = plain.make()
         except (InputError, LimitError) as error:
             if not case.left_out:
                 raise
             write_json({"refused": str(error)}, str(case.cost))
             return f"refused: {error}"
-        write_json({**read_json(case.cost), "predicted_seconds": predicted}, str(case.cost))
+        own = {"predicted_seconds": predicted, "processor_seconds": process_time() - began}
+        write_json({**read_json(case.cost), **own}, str(case.cost))
         return detail
 
     return plain._replace(make=make)
 
 
 def _predicted_seconds(setting: Scene) -> float:
-    """Seconds that `--explain` foresees; afterwards all that the run needs is compiled, and no part of its time."""
+    """Seconds that `--explain` foresees, less the share in which this process waited for the machine.
+
+    Afterwards all that the run needs is compiled, and no part of its time.
+    """
     trial = simulation_of(setting, read_start(setting))
     trial.advance_to(1)
     trial.snapshot()
-    return float(explain(setting)["cost"]["seconds"])
+    began, worked = perf_counter(), process_time()
+    foreseen = float(explain(setting)["cost"]["seconds"])
+    return foreseen * min((process_time() - worked) / (perf_counter() - began), 1.0)
 
 
 def _outcome(case: Case, wish: Omissions, before: list[Outcome], opened: ExitStack) -> Outcome:

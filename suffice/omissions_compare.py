@@ -113,21 +113,26 @@ def _number(value: Average) -> float | None:
 
 
 def _seconds(cost: Mapping[str, Any]) -> float:
-    """Seconds of the whole run at the speed of what was computed at one go: a resumed run counts in full."""
+    """Seconds of computing that the whole run takes, without those in which the process waited for the machine.
+
+    Of a resumed run that is the time of the steps done at one go, in proportion: it counts in full.
+    """
+    computing = min(cost["seconds"], cost["processor_seconds"])
     speed = cost["particle_steps_per_second"]
-    return float(cost["n_particles"] * cost["steps"] / speed) if speed else float(cost["seconds"])
+    return float(computing * (cost["n_particles"] * cost["steps"] / speed / cost["seconds"] if speed else 1.0))
 
 
 def _costs(cost: Mapping[str, Any], means: Means) -> dict[str, Any]:
     seconds = _seconds(cost)
-    share = seconds / cost["seconds"] if cost["seconds"] else 1.0
-    terms = {name: share * taken for name, taken in cost["seconds_of"].items() if taken}
+    terms = {name: seconds / cost["seconds"] * taken for name, taken in cost["seconds_of"].items() if taken}
+    particle_steps = cost["n_particles"] * cost["steps"]
     return {
         "seconds": seconds,
         "seconds_of": {"contact and motion": max(seconds - sum(terms.values()), 0.0), **terms},
-        "predicted_seconds": cost.get("predicted_seconds"),
-        "particle_steps": cost["n_particles"] * cost["steps"],
-        "particle_steps_per_second": cost["particle_steps_per_second"],
+        "predicted_seconds": cost["predicted_seconds"],
+        "waited": max(1.0 - cost["processor_seconds"] / cost["seconds"], 0.0),
+        "particle_steps": particle_steps,
+        "particle_steps_per_second": particle_steps / seconds,
         "time_step": cost["time_step"],
         "threads": cost["threads"],
         "bytes_per_snapshot": means.bytes_per_snapshot,
@@ -135,7 +140,7 @@ def _costs(cost: Mapping[str, Any], means: Means) -> dict[str, Any]:
 
 
 def _reference(outcomes: Sequence[Outcome], means: Sequence[Means], seconds: Sequence[float]) -> dict[str, Any]:
-    """Cost of the scene itself: of the seed that took the median time, as one slowed by other work says nothing."""
+    """Cost of the scene itself: of the seed that took the median time, and what each took."""
     middle = sorted(range(len(seconds)), key=lambda k: seconds[k])[(len(seconds) - 1) // 2]
     return {
         **_costs(outcomes[middle].cost or {}, means[middle]),

@@ -88,7 +88,7 @@ class Outcome(NamedTuple):
 
     name: str
     left_out: str
-    cost: Mapping[str, Any] | None  # as `simulate_to` says it
+    cost: Mapping[str, Any] | None  # as `simulate_to` says it, with `processor_seconds`
     means: Means | None
     refused: str | None = None
 

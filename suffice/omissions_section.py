@@ -12,6 +12,8 @@ from suffice.wording import bytes_text, escape, number, seconds_text
 Row = Mapping[str, Any]
 FRONT, TERMS, SPECTRUM = "front", "terms", "spectrum"
 SHOWN = {FRONT: "error against cost", TERMS: "seconds by term", SPECTRUM: "impacts by energy"}
+ROUNDED = 0.0995  # differences above it are shown in whole per cent
+SEEN = 1e-3  # of the largest power: bins below it at either end are not drawn
 PER_DECADE = 5  # bins of the spectrum of impacts in a decade of energy
 
 
@@ -23,14 +25,14 @@ def omissions_section(results: Mapping[str, Any]) -> Section | None:
     answer = results.get("omissions")
     if not answer:
         return None
-    asked, scatter = answer["asked"], answer["scatter_error"]
+    scatter = answer["scatter_error"]
     window = " to ".join(f"{time:g}" for time in answer["window"])
     text = (
-        f"Means over {window} s against those of {len(scatter)} runs of the scene itself with other packings. "
-        "<i>Error</i>: the largest difference of the observables asked for, "
-        f"{escape(', '.join(asked))}. Bold: more than those packings explain "
-        f"({number(answer['floors_to_be_real'])} standard deviations of a further one); other differences are noise. "
-        f"The scatter of the scene itself alone makes errors of {_percent(min(scatter))} to {_percent(max(scatter))}."
+        f"Means over {window} s, in % of those of {len(scatter)} runs of the scene itself with other packings. "
+        f"<i>Error</i>: the largest of these differences. Bold: more than the packings explain (above "
+        f"{number(answer['floors_to_be_real'])} standard deviations of a further one); what is not bold may be noise. "
+        f"That noise alone makes errors of {_percent(min(scatter))} to {_percent(max(scatter))}; the largest is dashed "
+        f"below, the limit dotted. <i>Δτ</i>: what suffices for {escape(answer['variable'])} by the paper's rule."
     )
     body = (
         f'<ul class="verdicts"><li>{escape(str(answer["choice"]["sentence"]))}</li></ul>'
@@ -39,7 +41,7 @@ def omissions_section(results: Mapping[str, Any]) -> Section | None:
     figures = {FRONT: front_figure(answer), TERMS: terms_figure(answer)}
     if answer["spectra"]:
         figures[SPECTRUM] = spectrum_figure(answer["spectra"], len(scatter))
-    below = f"<details><summary>Every observable, and what was left out</summary>{_observables(answer)}</details>"
+    below = f"<details><summary>Every observable and cost, and what was left out</summary>{_details(answer)}</details>"
     return Section("Physics left out", body, figures, {"shown": {key: SHOWN[key] for key in figures}}, below)
 
 
@@ -52,46 +54,43 @@ def _signed(row: Row, name: str) -> str:
     value = row["differences"].get(name)
     if value is None:
         return "–"
-    profile = name.startswith("void_fraction")
-    text = f"{100 * value:.2g}" if profile else f"{100 * value:+.2g}"
+    sign = "" if name.startswith("void_fraction") else "+"  # the difference of a profile has none
+    text = f"{100 * value:{sign}.{0 if abs(value) >= ROUNDED else 1}f}"
     return f"<b>{text}</b>" if row["real"].get(name) else text
 
 
 def _table(answer: Mapping[str, Any]) -> str:
     asked: Sequence[str] = answer["asked"]
-    heads = ("variant", "seconds", "of the<br>scene", "foreseen", "Mio particle-<br>steps/s", "a snapshot")
-    head = "".join(f'<th class="number">{text}</th>' for text in heads[1:])
-    head += "".join(f'<th class="number">{"<br>".join(escape(name).split("."))}<br>(%)</th>' for name in asked)
+    keeps = f"keeps<br>{_percent(answer['max_difference'])}"
+    titles = ["of the<br>scene", "error", keeps, "seconds", *(_broken(name) for name in asked), "Δτ"]
     scene = answer["reference"]
-    first = _cells([*_cost_cells(scene, 1.0), *["0" for _ in asked], "", "", _chosen(scene["feasibility"])])
+    chosen = _chosen(scene["feasibility"])
+    first = _cells(["1", "0", "", seconds_text(scene["seconds"]), *("0" for _ in asked), chosen])
     rows = [f"<tr><td><i>the scene itself</i></td>{first}</tr>", *(_table_row(row, asked) for row in answer["rows"])]
-    extra = '<th class="number">error</th><th>keeps it</th><th>Δτ</th>'
-    titles = f"<tr><th>{heads[0]}</th>{head}{extra}</tr>"
-    return f'<div class="scroll"><table class="plain">{titles}{"".join(rows)}</table></div>'
+    return _framed("variant", titles, rows)
+
+
+def _broken(name: str) -> str:
+    """Write the name of an observable over several lines."""
+    return escape(name.replace("_", " ")).replace(".", "<br>").replace(" ", "<br>") + "<br>(%)"
+
+
+def _framed(corner: str, titles: Sequence[str], rows: Sequence[str]) -> str:
+    head = "".join(f'<th class="number">{title}</th>' for title in titles)
+    return f'<div class="scroll"><table class="plain"><tr><th>{corner}</th>{head}</tr>{"".join(rows)}</table></div>'
 
 
 def _cells(texts: Sequence[str]) -> str:
     return "".join(f'<td class="number">{text}</td>' for text in texts)
 
 
-def _cost_cells(cost: Row, relative: float) -> list[str]:
-    return [
-        seconds_text(cost["seconds"]),
-        number(relative, 2),
-        seconds_text(cost.get("predicted_seconds")),
-        number(cost["particle_steps_per_second"] / 1e6, 2),
-        bytes_text(cost["bytes_per_snapshot"]),
-    ]
-
-
 def _table_row(row: Row, asked: Sequence[str]) -> str:
     name = f'<td title="{escape(str(row["left_out"]))}">{escape(str(row["variant"]))}</td>'
     if row["refused"] is not None:
-        return f'<tr>{name}<td colspan="{8 + len(asked)}">refused, see below</td></tr>'
-    keeps = _pill(row)
-    differences = [_signed(row, key) for key in asked]
-    cells = [*_cost_cells(row, row["relative_cost"]), *differences, _percent(row["error"]), keeps]
-    return f"<tr>{name}{_cells([*cells, _chosen([row['feasibility']])])}</tr>"
+        return f'<tr>{name}<td colspan="{5 + len(asked)}">refused, see below</td></tr>'
+    judged = [number(row["relative_cost"], 2), _percent(row["error"]), _pill(row), seconds_text(row["seconds"])]
+    differences = (_signed(row, key) for key in asked)
+    return f"<tr>{name}{_cells([*judged, *differences, _chosen([row['feasibility']])])}</tr>"
 
 
 def _pill(row: Row) -> str:
@@ -134,7 +133,7 @@ def front_figure(answer: Mapping[str, Any]) -> Figure:
     levels = ((scatter, "dash"), (100 * answer["max_difference"], "dot"))
     layout: Figure = {
         "xaxis": {"title": {"text": "cost / cost of the scene itself"}, "type": "log"},
-        "yaxis": {"title": {"text": "largest difference (%); dashed: scatter, dotted: limit"}, "type": "log"},
+        "yaxis": {"title": {"text": "largest difference (%)"}, "type": "log"},
         "hovermode": "closest",
         "shapes": [_level(y, dash) for y, dash in levels],
     }
@@ -166,7 +165,7 @@ def terms_figure(answer: Mapping[str, Any]) -> Figure:
         for i, term in enumerate(terms)
     ]
     layout = {
-        "xaxis": {"title": {"text": "wall time (s)"}, "type": "linear"},
+        "xaxis": {"title": {"text": "time of computing (s)"}, "type": "linear"},
         "yaxis": {"autorange": "reversed", "type": "category"},
         "barmode": "stack",
         "hovermode": "closest",
@@ -180,7 +179,9 @@ def spectrum_figure(spectra: Mapping[str, Any], seeds: int) -> Figure:
     edges = spectra["energy"]
     middles = [sqrt(a * b) for a, b in pairwise(edges)]
     runs = spectra["runs"]
-    used = [k for k in range(len(middles)) if any(power[k] > 0.0 for power in runs.values())]
+    least = SEEN * max(max(power) for power in runs.values())
+    shown = [k for k in range(len(middles)) if any(power[k] > least for power in runs.values())]
+    used = range(shown[0], shown[-1] + 1) if shown else range(0)
     data = []
     for i, (name, power) in enumerate(runs.items()):
         own = i < seeds
@@ -206,19 +207,54 @@ def spectrum_figure(spectra: Mapping[str, Any], seeds: int) -> Figure:
     return {"data": data, "layout": layout}
 
 
+def _details(answer: Mapping[str, Any]) -> str:
+    said = "".join(_said(row) for row in answer["rows"])
+    return f"{_observables(answer)}{_costs(answer)}<ul>{said}</ul>"
+
+
 def _observables(answer: Mapping[str, Any]) -> str:
     """Tabulate every observable: the scene's own value and scatter, differences of every variant in %."""
-    rows = [row for row in answer["rows"] if row["refused"] is None]
-    head = "".join(f'<th class="number">{escape(str(row["variant"]))}</th>' for row in rows)
-    body = ""
+    known = [row for row in answer["rows"] if row["refused"] is None]
+    rows = []
     for name, what in answer["observables"].items():
         unit = "" if what["unit"] == "1" else f" {what['unit']}"
         own = "profile" if what["mean"] is None else f"{number(what['mean'])}{unit}"
-        cells = _cells([own, _percent(what["floor"]), *(_signed(row, name) for row in rows)])
-        body += f'<tr><td title="{escape(what["text"])}">{escape(name)}</td>{cells}</tr>'
-    title = '<th class="number">the scene itself</th><th class="number">noise</th>'
-    table = f'<table class="plain"><tr><th>difference (%)</th>{title}{head}</tr>{body}</table>'
-    return f'<div class="scroll">{table}</div><ul>{"".join(_said(row) for row in answer["rows"])}</ul>'
+        cells = _cells([own, _percent(what["floor"]), *(_signed(row, name) for row in known)])
+        rows.append(f'<tr><td title="{escape(what["text"])}">{escape(name)}</td>{cells}</tr>')
+    names = (escape(str(row["variant"])).replace(" ", "<br>") for row in known)
+    return _framed("difference (%)", ["the scene itself", "noise", *names], rows)
+
+
+def _costs(answer: Mapping[str, Any]) -> str:
+    """Tabulate what every run took, and what `--explain` foresaw."""
+    known = [("the scene itself", answer["reference"])]
+    known += [(str(row["variant"]), row) for row in answer["rows"] if row["refused"] is None]
+    rows = [
+        f"<tr><td>{escape(name)}</td>"
+        + _cells(
+            [
+                seconds_text(cost["seconds"]),
+                seconds_text(cost["predicted_seconds"]),
+                _percent(cost["waited"]),
+                seconds_text(cost["time_step"]),
+                f"{cost['particle_steps'] / 1e6:.0f}",
+                number(cost["particle_steps_per_second"] / 1e6),
+                bytes_text(cost["bytes_per_snapshot"]),
+            ]
+        )
+        + "</tr>"
+        for name, cost in known
+    ]
+    titles = [
+        "seconds",
+        "foreseen",
+        "waited<br>besides",
+        "time step",
+        "10⁶ particle-<br>steps",
+        "10⁶ a second",
+        "a snapshot",
+    ]
+    return _framed(f"cost on {answer['reference']['threads']} threads", titles, rows)
 
 
 def _said(row: Row) -> str:

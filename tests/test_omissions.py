@@ -48,7 +48,12 @@ length = 0.001
 particles = "outside"
 """
 COST = {"n_particles": 200, "steps": 1000, "seconds": 10.0, "particle_steps_per_second": 2e4, "threads": 1}
-COST |= {"time_step": 1e-4, "seconds_of": {"lists": 2.0, "momentum": 3.0}}
+COST |= {
+    "predicted_seconds": 9.0,
+    "processor_seconds": 10.0,
+    "time_step": 1e-4,
+    "seconds_of": {"lists": 2.0, "momentum": 3.0},
+}
 SEEDS = 3
 
 
@@ -97,7 +102,7 @@ def outcome(name, numbers, seconds=10.0, left_out="something"):
         key: Average(np.atleast_1d(value), np.ones(np.size(value)), np.zeros((0, np.size(value))))
         for key, value in numbers.items()
     }
-    cost = COST | {"seconds": seconds, "particle_steps_per_second": 2e5 / seconds, "predicted_seconds": 9.0}
+    cost = COST | {"seconds": seconds, "processor_seconds": seconds, "particle_steps_per_second": 2e5 / seconds}
     means = Means(found, {}, {}, {"chosen_interval": 0.003, "K_f": 2.0, "by_interval": {}}, (0.1, 0.4), 4800)
     return Outcome(name, left_out, cost, means)
 
@@ -247,7 +252,7 @@ def test_a_refused_variant_is_listed_with_its_reason_and_is_never_chosen():
     assert answer["rows"][0]["refused"] == refused.refused
     assert (answer["rows"][0]["keeps"], answer["rows"][0]["on_front"]) == (False, False)
     assert answer["choice"]["variant"] == "close"
-    page = render({"omissions": answer})
+    page = render({"omissions": answer | {"variable": "position.x"}})
     assert "Physics left out" in page
     assert "refused: particle 3 overlaps &lt;b&gt;the wall&lt;/b&gt;" in page
 
@@ -259,11 +264,21 @@ def test_an_observable_that_the_scene_does_not_have_is_refused_with_those_it_has
 
 def test_time_that_a_resumed_run_spent_before_counts_as_well():
     # the last half of the run took 5 s: 1000 steps at the speed of those 500
-    cost = COST | {"seconds": 5.0, "particle_steps_per_second": 2e4}
+    cost = COST | {"seconds": 5.0, "processor_seconds": 5.0}
     resumed = outcome("resumed", {"power.shaft": 10.0})._replace(cost=cost)
     row = chosen([resumed])["rows"][0]
     assert row["seconds"] == pytest.approx(10.0)
     assert row["seconds_of"] == pytest.approx({"contact and motion": 0.0, "lists": 4.0, "momentum": 6.0})
+
+
+def test_time_in_which_a_run_waited_for_the_machine_is_no_cost_of_it():
+    waited = outcome("waited", {"power.shaft": 10.0})._replace(cost=COST | {"processor_seconds": 4.0})
+    row = chosen([waited])["rows"][0]
+    assert (row["seconds"], row["waited"]) == (pytest.approx(4.0), pytest.approx(0.6))
+    assert row["seconds_of"] == pytest.approx({"contact and motion": 2.0, "lists": 0.8, "momentum": 1.2})
+    # two threads use more of the processor than passes on the clock
+    both = outcome("both", {"power.shaft": 10.0})._replace(cost=COST | {"processor_seconds": 19.0, "threads": 2})
+    assert chosen([both])["rows"][0]["seconds"] == pytest.approx(10.0)
 
 
 def test_a_start_up_that_leaves_nothing_to_average_is_refused(write_run, tmp_path):
@@ -305,6 +320,9 @@ def written(folder, beads, study=STUDY):
         (('changes = { "contact.friction" = 0.0 }', ""), "nothing is left out; give without or changes"),
         (('scene = "my_scene.toml"\n', ""), "give either a scene"),
         (('"kinetic_energy", ', '"entropy", '), "observables: 'entropy' is not known; use kinetic_energy"),
+        (('"kinetic_energy", ', '"impacts.pairs.power", '), "impacts.pairs.power needs output.impacts = true"),
+        (("start_up = 0.004", "start_up = 0.019"), "start_up = 0.019 s leaves less than two intervals"),
+        (("interval = 0.003", "interval = 0.0025"), "interval = 0.0025 s is no multiple of output.interval = 0.001 s"),
         (("seeds = 2", "seeds = 1"), "omissions.seeds"),
         (('"long step"', '"no friction"'), "'no friction' is taken; give another"),
         (('"long step"', '"../run"'), "omissions.variants.1.name"),
