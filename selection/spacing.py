@@ -52,38 +52,36 @@ class Spacing:
         self.level = self.unchecked = 0  # halvings of the interval; gaps that nothing was seen in
         self.kept: Moment | None = None
         self.last: Moment | None = None  # the candidate: kept unless a later one will do
-        self.between: list[tuple[float, Array]] = []  # times (s) and positions seen since the kept one, but the last
+        self.times: list[float] = []  # s, of what was seen since the kept moment
+        self.positions = np.empty((LONGEST, 0, 3))  # m, at these times
 
     def see(self, now: Moment) -> bool:
         """Take the next moment; return whether the one before it is kept. The first one is kept by itself."""
         if self.kept is None:
-            self.kept = now
+            self.kept, self.positions = now, np.empty((LONGEST, *now.position.shape))
             return False
-        if self.last is None or self._reaches(self.last, now):
-            self._extend(now)
+        must = self.last is not None and not self._reaches(self.kept, now)
+        if must:
+            self._keep_last()
+        self.positions[len(self.times)] = now.position
+        self.times.append(now.time)
+        self.last = now
+        if not must and len(self.times) > 1 and (len(self.times) - 1) % CALM == 0:
+            self.level = max(self.level - 1, 0)
+        return must
+
+    def _reaches(self, kept: Moment, now: Moment) -> bool:
+        """Tell whether interpolation from the kept moment to this one is good enough at all those in between."""
+        k = len(self.times)
+        if k == LONGEST:
             return False
-        self.kept, self.last = self.last, now
-        if not self.between:
+        return bool(hermite_errors(kept, now, np.array(self.times), self.positions[:k]).max() <= self.tolerance)
+
+    def _keep_last(self) -> None:
+        if len(self.times) == 1:
             self.unchecked += 1
             self.level = min(self.level + 1, self.finest)
-        self.between = []
-        return True
-
-    def _reaches(self, last: Moment, now: Moment) -> bool:
-        """Tell whether interpolation from the kept moment to this one is good enough at all those in between."""
-        assert self.kept is not None
-        if len(self.between) + 2 > LONGEST:
-            return False
-        seen = [*self.between, (last.time, last.position)]
-        times, positions = np.array([time for time, _ in seen]), np.stack([rows for _, rows in seen])
-        return bool(hermite_errors(self.kept, now, times, positions).max() <= self.tolerance)
-
-    def _extend(self, now: Moment) -> None:
-        if self.last is not None:
-            self.between.append((self.last.time, self.last.position))
-        self.last = now
-        if self.between and len(self.between) % CALM == 0:
-            self.level = max(self.level - 1, 0)
+        self.kept, self.times = self.last, []
 
     def next_stop(self, now: int) -> int:
         """Return where to look next, in 2^finest-ths of an interval, after `now` of them."""
@@ -96,9 +94,7 @@ class Spacing:
         for name, moment in (("kept", self.kept), ("last", self.last)):
             if moment is not None:
                 found |= {f"{name}.{field}": np.asarray(rows) for field, rows in moment._asdict().items()}
-        if self.between:
-            found["times"] = np.array([time for time, _ in self.between])
-            found["positions"] = np.stack([rows for _, rows in self.between])
+        found["times"], found["positions"] = np.array(self.times), self.positions[: len(self.times)].copy()
         return found
 
     def restore_(self, state: Mapping[str, NDArray[np.float64]]) -> None:
@@ -110,8 +106,9 @@ class Spacing:
             else None
             for name in ("kept", "last")
         )
-        rows = state.get("positions", np.zeros((0, 0, 3)))
-        self.between = list(zip(map(float, state.get("times", np.zeros(0))), rows, strict=True))
+        self.times, seen = [float(time) for time in state["times"]], state["positions"]
+        self.positions = np.empty((LONGEST, *(seen.shape[1:] if self.kept is None else self.kept.position.shape)))
+        self.positions[: len(seen)] = seen
 
 
 def kept_of(times: Array, position: Array, velocity: Array, tolerance: float) -> NDArray[np.intp]:

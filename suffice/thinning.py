@@ -107,7 +107,7 @@ class Thinning:
             "kept": len(times),
             "shortest_interval": float(gaps.min()) if len(gaps) else None,
             "longest_interval": float(gaps.max()) if len(gaps) else None,
-            "unchecked_intervals": self.spacing.unchecked,
+            "unchecked_intervals": self.spacing.unchecked + (len(self.spacing.times) == 1),  # the last one as well
         }
 
 

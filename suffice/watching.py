@@ -50,7 +50,8 @@ class Watching(NamedTuple):
 
     def differs(self, past: Run) -> str:
         """Name what a run was made with that differs from these wishes, empty if nothing does."""
-        return "" if past.provenance.get(WATCHING) == self.provenance().get(WATCHING) else WATCHING
+        same = past.provenance.get(WATCHING) == self.provenance().get(WATCHING)
+        return "" if same else "--until-sufficient, --variable or --keep-error"
 
 
 UNWATCHED = Watching()

@@ -113,22 +113,22 @@ def killed(folder, scene, delay, *options):
     return process.returncode == -signal.SIGKILL
 
 
-def kill_and_resume(beads, folder, times):
+def kill_and_resume(beads, folder, times, *wishes):
     """Kill one run again and again, each time resuming it, and compare it with one that was let alone."""
     scene = beads.replace("interval = 0.001", "interval = 0.0001")  # 201 snapshots, each brought to the disk
     for name in ("whole", "broken"):
         (folder / name).mkdir()
         (folder / name / "scene.toml").write_text(scene)
-    finished(folder / "whole", "scene.toml")
+    finished(folder / "whole", "scene.toml", *wishes)
     rng = np.random.default_rng(times)
     options, reached = [], []
     for _ in range(times):
-        was_running = killed(folder / "broken", "scene.toml", rng.uniform(0.0, 1.0 / times), *options)
+        was_running = killed(folder / "broken", "scene.toml", rng.uniform(0.0, 1.0 / times), *options, *wishes)
         with Run(folder / "broken" / "run.h5") as run:
             assert np.isfinite(run.snapshot(run.n_snapshots - 1).values["position"]).all()
             reached.append((was_running, run.n_snapshots))
         options = ["--resume"]
-    finished(folder / "broken", "scene.toml", "--resume")
+    finished(folder / "broken", "scene.toml", "--resume", *wishes)
     assert sum(was_running for was_running, _ in reached) >= times // 2, reached
     assert_same(content(folder / "broken" / "run.h5"), content(folder / "whole" / "run.h5"))
     names = sorted(path.name for path in (folder / "broken").iterdir())
@@ -142,6 +142,12 @@ def test_a_run_killed_five_times_and_resumed_ends_bitwise_like_one_that_was_not(
 @pytest.mark.physics
 def test_a_run_killed_twenty_times_and_resumed_ends_bitwise_like_one_that_was_not(beads, tmp_path):
     kill_and_resume(beads, tmp_path, 20)
+
+
+@pytest.mark.physics
+def test_a_watched_and_thinned_run_killed_and_resumed_ends_bitwise_like_one_that_was_not(beads, tmp_path):
+    wishes = ("--until-sufficient", "--variable", "position", "--keep-error", "0.0005d")
+    kill_and_resume(beads.replace("count = 12", "count = 30"), tmp_path, 6, *wishes)
 
 
 def test_an_interrupted_run_says_how_to_go_on_and_does(beads, tmp_path):
