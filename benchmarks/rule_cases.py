@@ -102,7 +102,7 @@ def as_case(candidate: Candidate, spline: Any, rows: int) -> Case:
 
 def add_errors_(cases: list[Case], run: Run, name: str) -> None:
     """Add to each case the errors of every surrogate without training on n_lr, n_c and all modes, and of raw ones."""
-    answer = compare(run, [name], [case["interval"] for case in cases], energy=thresholds_of(name).energy)
+    answer = compare(run, [name], [case["interval"] for case in cases])
     bases = {base["interval"]: base for base in answer["bases"]}
     for case in cases:
         base = bases[case["interval"]]

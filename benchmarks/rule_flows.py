@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from sim.reading import scene_text
+from suffice.changes import toml_value
 from suffice.progress import Reporter
 from suffice.simulating import simulate_to
-from suffice.speeds import toml_value
 from suffice.store import Run, RunWriter
 
 SNAPSHOTS = 301

@@ -15,7 +15,7 @@ from selection.feasibility import Thresholds, consistent_mode, feasibility_index
 from selection.forecast import Forecast, Foreseen, Growth, check_duration, forecast, growth_of_modes
 from selection.gram import ArraySnapshots, InnerProducts, Snapshots, inner_products, square_root
 from selection.intervals import default_intervals, dense_interval
-from selection.resolution import resolution_ratio, spline_errors
+from selection.resolution import promise_ratio, resolution_ratio, spline_errors
 from selection.sweep import Sweep, judge, sweep
 
 __all__ = [
@@ -50,6 +50,7 @@ __all__ = [
     "least_reconstructable_mode",
     "project_from_factor",
     "project_from_gram",
+    "promise_ratio",
     "resolution_ratio",
     "spline_errors",
     "square_root",

@@ -25,7 +25,7 @@ from selection.feasibility import (
 )
 from selection.intervals import Subset
 from selection.resampling import half_width_of_feasibility
-from selection.resolution import resolution_ratio
+from selection.resolution import promise_ratio, resolution_ratio
 from selection.routes import Routes, project
 
 Array = NDArray[np.float64]
@@ -53,6 +53,7 @@ class Candidate(NamedTuple):
     error_n_lr: float | None  # RMSE of n_lr modes at unseen times, unit of W; None where there are none
     error_n_c: float | None  # the same of n_c modes
     K_f_groups: int | None  # groups of particles behind K_f_interval
+    R_lr: float | None  # error at unseen times of a spline on n_lr modes over their error at training times
     eigenvalues: Array  # (p,) of A, descending, unit of W squared, summed over rows
     curves: Consistency  # against n = 0, 1, …
 
@@ -104,6 +105,7 @@ def judged(
         unseen_error(projection, known.products.rows, n_lr),
         unseen_error(projection, known.products.rows, crossing.n_c),
         None if K_f_interval is None or known.products.groups is None else len(known.products.groups),
+        promise_ratio(projection, n_lr),
         projection.eigenvalues,
         curves,
     )

@@ -21,6 +21,7 @@ from suffice.reconstruction import (
     reduce,
 )
 from suffice.rounding import Rounding, roundings
+from suffice.selecting import thresholds_of
 from surrogates import SURROGATES
 from surrogates import InputError as UnfitSeries
 
@@ -49,9 +50,13 @@ class Place(NamedTuple):
 class Criteria(NamedTuple):
     """What numbers of modes mean, and in what they are kept."""
 
-    energy: float  # share of it that n_lr modes hold
+    energy: float | None  # share of it that n_lr modes hold; None for that of each kind of variable
     consistency: float  # R_c up to n_c
     precisions: Sequence[str] | None  # beside that of the run; None for the usual ones
+
+    def energy_of(self, variable: str) -> float:
+        """Return the share of the energy that n_lr modes of this variable hold."""
+        return thresholds_of(variable).energy if self.energy is None else self.energy
 
 
 class Effort(NamedTuple):
@@ -108,7 +113,8 @@ def _prepared(
 
     Networks are left on the plain basis: each training takes seconds.
     """
-    reduced = reduce(case, criteria.energy)
+    energy = criteria.energy_of(place.variable)
+    reduced = reduce(case, energy)
     n_c = consistent_level(reduced, case, criteria.consistency)
     full, names_kept = reduced.basis.modes.shape[1], precisions_from(case.itemsize, criteria.precisions)
     found.bases.append(_base(PLAIN, reduced, case, place) | {"n_c": n_c})
@@ -117,7 +123,7 @@ def _prepared(
     yield _at_levels(PLAIN, reduced, case, {least, max(n_c, least), full}, names_kept)
     if case.rates is None or not any(_on_modes(name) and not is_trained(name) for name in names):
         return
-    enriched = reduce_enriched(case, criteria.energy)
+    enriched = reduce_enriched(case, energy)
     all_modes = enriched.basis.modes.shape[1]
     found.bases.append(_base(ENRICHED, enriched, case, place))
     yield _at_levels(ENRICHED, enriched, case, {enriched.basis.n_lr or full, full, all_modes}, names_kept, full)

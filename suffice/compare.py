@@ -35,7 +35,7 @@ def compare(
     max_seconds: float | None = None,
     max_bytes: float | None = None,
     precisions: Sequence[str] | None = None,
-    energy: float = 0.999,
+    energy: float | None = None,
     seed: int = 0,
     seeds: int = 1,
     training_seconds: float | None = None,
@@ -45,9 +45,10 @@ def compare(
 
     variables: names, default the components of position and velocity. intervals: Δτ in s, default ten to two dense
     intervals. surrogates: names in `SURROGATES`, default all that answer between snapshots and need no training. Each
-    is fitted with n_lr modes (the least that hold `energy`), with n_c (R_c up to 1.05) and with all; raw baselines have
-    no modes. Positions whose velocities are stored are also compared on the modes of both, the `enriched` basis: with
-    as many as there are modes of positions, and where rates are used with n_lr and with all; networks are not.
+    is fitted with n_lr modes (the least that hold `energy`, default 0.999, of fluid fields 0.99), with n_c (R_c up to
+    1.05) and with all; raw baselines have no modes. Positions whose velocities are stored are also compared on the
+    modes of both, the `enriched` basis: with as many as there are modes of positions, and where rates are used with
+    n_lr and with all; networks are not.
     precisions: names in `PRECISIONS` in which all is kept beside that of the run, default integers of 16 and 8 bits.
     Networks are trained with `seeds` seeds from `seed` on, each for `training_seconds` at most. max_error: RMSE, in
     `error_unit`, a unit of the run or "d" for particle diameters; max_seconds: to reconstruct one snapshot; max_bytes:
@@ -68,19 +69,17 @@ def compare(
     criteria, effort = Criteria(energy, CONSISTENCY, precisions), Effort(seed, seeds, training_seconds)
     _check(run, asked, criteria, effort)
     subsets, found = _subsets(run, intervals), Comparison([], [], [])
-    found, how = (
-        Comparison([], [], []),
-        (Criteria(energy, CONSISTENCY, precisions), Effort(seed, seeds, training_seconds)),
-    )
-    _compare_all(found, run, (asked, subsets, names), how, progress)
+    _compare_all(found, run, (asked, subsets, names), (criteria, effort), progress)
     if not found.rows:
         raise Refusal(f"nothing can be compared: {found.left_out[0]['reason']}")
-    settings = {"energy": energy, "seed": seed, "seeds": seeds, "diameter": diameter}
+    energies = {name: criteria.energy_of(name) for name in asked}
+    settings = {"energy": criteria.energy_of(""), "energies": energies, "seed": seed, "seeds": seeds}
     return {
         "task": "between",
         "kind": "time",
         "dense_interval": dense_interval(run.times),
         **settings,
+        "diameter": diameter,
         **found._asdict(),
         **decided(found.rows, asked if limits.any else [], limits, diameter),
     }
@@ -94,7 +93,7 @@ def decided(rows: Table, variables: Iterable[str], limits: Limits, diameter: flo
 
 
 def _check(run: Run, variables: Sequence[str], criteria: Criteria, effort: Effort) -> None:
-    if not 0 < criteria.energy <= 1:
+    if criteria.energy is not None and not 0 < criteria.energy <= 1:
         raise Refusal(f"energy is {criteria.energy:g}; it must be a share above 0 and at most 1, for example 0.999")
     for name in variables:
         precisions_from(run.variable(name).dtype.itemsize, criteria.precisions)

@@ -6,6 +6,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from suffice.verdicts import promise_text
 from suffice.wording import bytes_text, errors_text, number, seconds_text
 
 ENRICHED = "+ v: modes of positions and velocities; bold: no other choice beats it in error and cost"
@@ -72,7 +73,9 @@ def _chosen(found: Mapping[str, Any]) -> str:
     chosen = found["chosen_interval"]
     if chosen is None:
         best = max(found["candidates"], key=lambda c: c["K_f"] or 0.0)
-        return f"not sufficient at any Δτ considered; best K_f {number(best['K_f'])} at {best['interval']:g} s"
+        promise = promise_text(found)
+        best_text = f"best K_f {number(best['K_f'])} at {best['interval']:g} s"
+        return f"not sufficient at any Δτ considered; {best_text}{promise and '; ' + promise}"
     candidate = next(c for c in found["candidates"] if c["interval"] == chosen)
     doubt = (
         ""
@@ -80,7 +83,9 @@ def _chosen(found: Mapping[str, Any]) -> str:
         else f"; but {candidate['verdict']}: {'; '.join(candidate['reasons'])}"
     )
     left = f"{candidate['n_lr']} … {candidate['n_c']} modes leave {errors_text(candidate, found['unit'])}"
-    return f"Δτ = {chosen:g} s suffices (K_f {number(candidate['K_f'])} ≥ {limit:g}); {left}{doubt}"
+    promise = promise_text(found)
+    sentence = f"Δτ = {chosen:g} s suffices (K_f {number(candidate['K_f'])} ≥ {limit:g}); {left}"
+    return f"{sentence}{promise and '; ' + promise}{doubt}"
 
 
 def show_comparison(answer: Mapping[str, Any]) -> None:

@@ -4,9 +4,11 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from selection.resolution import KEPT_PROMISE
 from suffice.wording import errors_text, escape, number, seconds_text
 
 SYMBOL = re.compile(r"\b([A-Za-z])_([a-z]+)\b")  # K_f, R_a, n_lr, E_train
+SUBSCRIPT = r"\1<sub>\2</sub>"
 VERDICTS = ("sufficient", "insufficient", "undecidable")
 
 
@@ -24,6 +26,19 @@ def deciding(found: Mapping[str, Any]) -> Mapping[str, Any] | None:
     return next(iter(at or sorted(candidates, key=lambda c: -(c.get("K_f") or 0.0))), None)
 
 
+def promise_text(found: Mapping[str, Any]) -> str:
+    """Say from which Δτ on a model on n_lr modes keeps what they promise; empty where it does at none.
+
+    found: a variable as `select` writes it.
+    """
+    kept = [c for c in found.get("candidates") or [] if c.get("R_lr") is not None and c["R_lr"] <= KEPT_PROMISE]
+    if not kept:
+        return ""
+    first = max(kept, key=lambda c: float(c["interval"]))
+    interval, modes = seconds_text(first["interval"]), first["n_lr"]
+    return f"a spline on n_lr = {modes} modes keeps what they promise at {interval} (R_lr {first['R_lr']:.2f})"
+
+
 def _item(name: str, found: Mapping[str, Any]) -> str:
     shown = f'<span class="name">{escape(name)}</span>'
     candidate = deciding(found)
@@ -38,7 +53,9 @@ def _item(name: str, found: Mapping[str, Any]) -> str:
             sentence += f"; at unseen times {modes} leave {escape(left)}"
     else:
         sentence = f"<b>not sufficient at any Δτ considered</b>; the best is {K_f} at {interval}, {limit} is needed"
-    reasons = SYMBOL.sub(r"\1<sub>\2</sub>", escape("; ".join(map(str, candidate.get("reasons") or []))))
+    if promise := promise_text(found):
+        sentence += f"; {SYMBOL.sub(SUBSCRIPT, escape(promise))}"
+    reasons = SYMBOL.sub(SUBSCRIPT, escape("; ".join(map(str, candidate.get("reasons") or []))))
     verdict = _pill(candidate.get("verdict"))
     return f'<li>{verdict} {shown}: {sentence}. <span class="quiet">Our verdict at {interval}: {reasons}.</span></li>'
 

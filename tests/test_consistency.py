@@ -5,8 +5,16 @@ import math
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.interpolate import CubicSpline
 
-from selection import ArraySnapshots, consistency, project_from_factor, project_from_gram, resolution_ratio
+from selection import (
+    ArraySnapshots,
+    consistency,
+    project_from_factor,
+    project_from_gram,
+    promise_ratio,
+    resolution_ratio,
+)
 from selection.consistency import squared_errors
 from selection.gram import square_root
 
@@ -134,9 +142,21 @@ def test_a_cubic_in_time_is_resolved_and_only_the_projection_error_is_left():
     assert 1.0 <= ratio < 1.01
 
 
-def test_resolution_ratio_is_that_of_splines_and_reconstructions_of_the_rows():
-    from scipy.interpolate import CubicSpline
+def test_the_promise_ratio_is_that_of_a_spline_on_few_modes_to_those_modes_at_training_times():
+    W, training = moving(), np.arange(0, 121, 4)
+    projection, n = routes(W, training)["gram"], 3
+    unseen, c = np.setdiff1d(np.arange(121), training), projection.coefficients
+    centred = W - W[:, training].mean(axis=1, keepdims=True)
+    modes = np.linalg.svd(centred[:, training], full_matrices=False)[0][:, :n]
+    foreseen = modes @ CubicSpline(training, (modes.T @ centred[:, training]).T)(unseen).T
+    missed = np.linalg.norm(centred[:, unseen] - foreseen, axis=0).mean()
+    promised = np.linalg.norm((centred - modes @ (modes.T @ centred))[:, training], axis=0).mean()
+    assert_allclose(promise_ratio(projection, n), missed / promised, rtol=1e-6)
+    assert promise_ratio(projection, 0) is None
+    assert promise_ratio(projection, c.shape[1]) is None  # all modes leave nothing at the training times
 
+
+def test_resolution_ratio_is_that_of_splines_and_reconstructions_of_the_rows():
     W = moving()
     training, n = np.arange(0, 121, 6), 7
     D = W - W[:, training].mean(axis=1, keepdims=True)

@@ -101,7 +101,7 @@ def assert_as_offline(path, answer):
             spread, expected = one.pop("K_f_interval"), other.pop("K_f_interval")
             assert (spread is None) == (expected is None)
             assert spread is None or spread == pytest.approx(expected, rel=1e-6)
-            for field in ("R_a", "error_n_lr", "error_n_c"):
+            for field in ("R_a", "R_lr", "error_n_lr", "error_n_c"):
                 value, expected = one.pop(field), other.pop(field)
                 assert value == (expected and pytest.approx(expected, rel=1e-6))
             assert one == other

@@ -29,6 +29,7 @@ CANDIDATE = {
     "error_n_lr": float,
     "error_n_c": float,
     "K_f_groups": (int, type(None)),
+    "R_lr": (float, type(None)),
     "error_n_lr_diameters": (float, type(None)),
     "error_n_c_diameters": (float, type(None)),
 }

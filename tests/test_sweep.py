@@ -232,7 +232,7 @@ def test_the_table_is_ready_for_json(shake):
     assert plain["thresholds"] == {"energy": 0.999, "consistency": 1.05, "feasibility": 2.0, "resolution": 1.25}
     assert list(plain["candidates"][0]) == [
         "interval", "n_snapshots", "n_lr", "n_lr_paper", "n_c", "K_f", "K_f_interval", "n_c_gap", "K_f_gap", "R_a",
-        "sufficient", "verdict", "reasons", "error_n_lr", "error_n_c", "K_f_groups",
+        "sufficient", "verdict", "reasons", "error_n_lr", "error_n_c", "K_f_groups", "R_lr",
     ]  # fmt: skip
     assert [c["interval"] for c in plain["candidates"]] == [0.01, 0.003]
     curves = table.candidates[0].curves_as_dict()
