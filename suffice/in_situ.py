@@ -100,7 +100,8 @@ class InSitu:
 
     def _sweeps(self, groups: int | None) -> dict[str, Sweep]:
         return {
-            name: sweep(rows, self.times, None, thresholds_of(name), groups) for name, rows in self.snapshots.items()
+            name: sweep(rows, self.times, thresholds=thresholds_of(name), groups=groups)
+            for name, rows in self.snapshots.items()
         }
 
     def settled_interval(self, variable: str) -> float | None:
@@ -172,7 +173,7 @@ class InSitu:
             return (
                 f"{name}: Δτ = {seconds_text(interval)} suffices, {_index(at)}, as at every check since {n} snapshots"
             )
-        best = max(found.candidates, key=lambda c: (c.verdict == "sufficient", c.K_f or 0.0))
+        best = max(found.candidates, key=lambda c: (c.verdict == "sufficient", c.K_f or 0.0, -c.interval))
         place = f"{seconds_text(best.interval)}, {_index(best)}"
         if best.verdict == "sufficient":
             since = settling.since[round(best.interval / found.dense_interval)]

@@ -94,7 +94,8 @@ def _simulate(
     first = simulation.step
     with record.writer:
         _run(record, path, reporter)
-        found = record.finish()
+        with asked_to_stop():  # there is nothing left to stop
+            found = record.finish()
     remove_checkpoint(path)
     answer = _cost(path, simulation, simulation.step - first, time.monotonic() - began)
     answer["seconds_of"] |= record.seconds_of()

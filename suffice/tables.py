@@ -60,7 +60,7 @@ def kept_sentence(kept: Mapping[str, Any]) -> str:
     """Say how a run was thinned."""
     between = f"{seconds_text(kept['shortest_interval'])} to {seconds_text(kept['longest_interval'])} apart"
     unchecked = kept["unchecked_intervals"]
-    doubt = f"; between {unchecked} pairs of them nothing was looked at" if unchecked else ""
+    doubt = f"; nothing was looked at within {unchecked} of these intervals" if unchecked else ""
     return (
         f"kept {kept['kept']} snapshots, {between}, for {kept['seen']} output times: interpolated positions are within "
         f"{kept['tolerance']:.3g} m (RMSE) wherever the run was looked at{doubt}"

@@ -122,6 +122,7 @@ def smooth(beads):
     return text.replace("[0.008, 0.008, 0.012]", "[0.012, 0.012, 0.018]").replace("duration = 0.02", "duration = 0.015")
 
 
+@pytest.mark.physics
 def test_a_run_ends_when_what_it_watches_suffices_and_not_before(beads, tmp_path, monkeypatch):
     path, answer = run_of(tmp_path / "whole", smooth(beads), ("position.z",))
     found, n = answer["in_situ"], answer["n_snapshots"]
@@ -271,6 +272,7 @@ def test_a_run_whose_interval_is_too_coarse_is_kept_more_often(beads, tmp_path):
         assert_same(dict(last[0].values), dict(last[1].values))
 
 
+@pytest.mark.physics
 def test_a_thinned_run_killed_and_resumed_ends_bitwise_like_one_that_was_not(scene, tmp_path, monkeypatch):
     keep = (0.002, "d")
     path, answer = run_of(tmp_path / "whole", scene, keep=keep)
