@@ -62,7 +62,9 @@ def test_errors_and_bytes_are_those_that_compare_measures_on_all_rows(path, surr
         table = alternatives(
             condense(run, "position.y"), run.times, candidates(run.times, [0.004, 0.002]), surrogate, 0.999
         )
-    for row in found["rows"]:
+    rows = [row for row in found["rows"] if (row["basis"], row["precision"]) == ("plain", "double")]
+    assert len(rows) >= 4
+    for row in rows:
         (i,) = np.flatnonzero((table.interval == row["interval"]) & (table.modes == row["modes"]))
         assert table.rmse[i] == pytest.approx(row["rmse"], rel=1e-6)
         assert table.model_bytes[i] == row["storage_bytes"]
