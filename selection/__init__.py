@@ -15,7 +15,7 @@ from selection.feasibility import Thresholds, consistent_mode, feasibility_index
 from selection.forecast import Forecast, Foreseen, Growth, check_duration, forecast, growth_of_modes
 from selection.gram import ArraySnapshots, InnerProducts, Snapshots, inner_products, square_root
 from selection.intervals import default_intervals, dense_interval
-from selection.resolution import promise_ratio, resolution_ratio, spline_errors
+from selection.resolution import interpolated, promise_ratio, resolution_ratio, spline_errors
 from selection.sweep import Sweep, judge, sweep
 
 __all__ = [
@@ -45,6 +45,7 @@ __all__ = [
     "forecast",
     "growth_of_modes",
     "inner_products",
+    "interpolated",
     "intervals_without_truth",
     "judge",
     "least_reconstructable_mode",

@@ -25,7 +25,7 @@ from selection.feasibility import (
 )
 from selection.intervals import Subset
 from selection.resampling import half_width_of_feasibility
-from selection.resolution import promise_ratio, resolution_ratio
+from selection.resolution import interpolated, promise_ratio, resolution_ratio
 from selection.routes import Routes, project
 
 Array = NDArray[np.float64]
@@ -87,7 +87,8 @@ def judged(
     n_c_gap = consistent_mode(curves.R_gap, limits.consistency).n_c if unseen else None
     spread = half_width_of_feasibility(known, subset, limits, crossing.n_c) if crossing.exceeded else None
     K_f_interval = None if spread is None or K_f is None else (max(K_f - spread, 0.0), K_f + spread)
-    R_a = resolution_ratio(projection, crossing.n_c)
+    spline = interpolated(projection, max(crossing.n_c, n_lr))
+    R_a = resolution_ratio(spline, crossing.n_c)
     evidence = Evidence(m, unseen, n_lr, crossing, K_f, K_f_interval, R_a, not scarce, blurred)
     return Candidate(
         subset.interval,
@@ -105,7 +106,7 @@ def judged(
         unseen_error(projection, known.products.rows, n_lr),
         unseen_error(projection, known.products.rows, crossing.n_c),
         None if K_f_interval is None or known.products.groups is None else len(known.products.groups),
-        promise_ratio(projection, n_lr),
+        promise_ratio(spline, n_lr),
         projection.eigenvalues,
         curves,
     )

@@ -11,7 +11,7 @@ from selection.consistency import project_from_gram
 from selection.errors import InputError
 from selection.feasibility import FEWEST_SNAPSHOTS, Thresholds
 from selection.intervals import dense_interval
-from selection.resolution import resolution_ratio
+from selection.resolution import interpolated, resolution_ratio
 from selection.sweep import Sweep
 
 MOST_GROWTH = 1.5  # of n_c as Δτ is halved: less than what was measured on every flow, see docs/selection.md
@@ -95,7 +95,8 @@ def _resolution_of_twice(gram: NDArray[np.float64], n_c: int) -> float | None:
     training = np.arange(0, len(gram), 2)
     last = training[-1] + 1
     projection = project_from_gram(gram[:last, :last], training)
-    return resolution_ratio(projection, min(2 * n_c, len(projection.eigenvalues)))
+    n = min(2 * n_c, len(projection.eigenvalues))
+    return resolution_ratio(interpolated(projection, n), n)
 
 
 def _spread(candidate: Candidate) -> float:

@@ -31,6 +31,13 @@ class Consistency(NamedTuple):
     predicted_error: Array  # (n,) relative error of R_c from rounding
 
 
+def unseen_times(testing: int, training: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Which of the testing snapshots, so many, are not training snapshots, (u,)."""
+    unseen = np.ones(testing, bool)
+    unseen[training] = False
+    return np.flatnonzero(unseen)
+
+
 def project_from_gram(gram: Array, training: NDArray[np.intp]) -> Projection:
     """Project every snapshot on the modes of a subset, knowing inner products alone.
 
@@ -60,7 +67,7 @@ def project_from_products(
     eigenvalues = square[square > EPSILON * max(square[0], 0.0)]
     p = len(eigenvalues) if leading is None else min(leading, len(eigenvalues))
     sigma, vectors = np.sqrt(eigenvalues[:p]), vectors[:, :p]
-    coefficients, unseen = np.empty((len(centred), p)), np.setdiff1d(np.arange(len(centred)), training)
+    coefficients, unseen = np.empty((len(centred), p)), unseen_times(len(centred), training)
     coefficients[training] = vectors * sigma
     # a quotient of roundings; what these modes hold of an unseen snapshot is counted outside instead
     told = sigma**2 >= WEAK * EPSILON * square[0]

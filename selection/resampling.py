@@ -10,9 +10,11 @@ from selection.consistency import consistency, modes_known
 from selection.feasibility import Crossing, Thresholds, consistent_mode
 from selection.intervals import Subset
 from selection.routes import Routes, project_without
+from selection.threads import shared
 
 Array = NDArray[np.float64]
 CONFIDENCE = 0.95  # two-sided, of the spread alone
+WORTH_THREADS = 200  # training snapshots; below it threads wait for the interpreter longer than they compute
 ACCURACY = 1e-4  # error of R_c above which its crossing, as a real number, is no longer known from inner products
 MORE = 1.25  # times the modes up to the crossing: how many are looked at first without a group
 
@@ -42,12 +44,15 @@ def half_width_of_feasibility(known: Routes, subset: Subset, limits: Thresholds,
     """
     if known.products.groups is None:
         return None
-    k, without = len(known.products.groups), []
-    for g in range(k):
-        found = _index_without(known, g, subset, limits, math.ceil(MORE * n_c) + 10)
-        if found is None:
-            return None
-        without.append(found)
+    k, leading = len(known.products.groups), math.ceil(MORE * n_c) + 10
+    each = shared if len(subset.training) >= WORTH_THREADS else map
+    first = _index_without(known, 0, subset, limits, leading)
+    if first is None:
+        return None
+    others = each(lambda g: _index_without(known, g, subset, limits, leading), range(1, k))
+    without = [first, *(index for index in others if index is not None)]
+    if len(without) < k:
+        return None
     width = float(np.std(without) * math.sqrt(k - 1) * stdtrit(k - 1, 0.5 + CONFIDENCE / 2))
     return width if math.isfinite(width) else None
 

@@ -9,9 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from selection import Sweep, sweep
+from selection import Sweep, default_intervals, dense_interval, sweep
+from selection.feasibility import FEWEST_SNAPSHOTS
 from selection.growing import GrowingSnapshots
 from selection.settled import Settling, checks
+from selection.threads import alone
 from suffice.quantities import AXES, QUANTITIES, Grid, component_names
 from suffice.refusal import Refusal
 from suffice.selecting import thresholds_of
@@ -91,18 +93,19 @@ class InSitu:
 
     def _check(self) -> None:
         n, last = len(self.times), len(self.times) == self.most
-        self.table = self._sweeps(GROUPS if last else None)
+        self.table = self._sweeps(GROUPS) if last else self._sweeps(None, _decidable(self.times))
         for name, found in self.table.items():
             self.settling[name].note(n, sufficient_strides(found))
         if all(settling.settled(n) for settling in self.settling.values()):
             self.table = self.table if last else self._sweeps(GROUPS)
             self.suffices = all(self.settled_interval(name) is not None for name in self.variables)
 
-    def _sweeps(self, groups: int | None) -> dict[str, Sweep]:
-        return {
-            name: sweep(rows, self.times, thresholds=thresholds_of(name), groups=groups)
-            for name, rows in self.snapshots.items()
-        }
+    def _sweeps(self, groups: int | None, intervals: Sequence[float] | None = None) -> dict[str, Sweep]:
+        with alone():
+            return {
+                name: sweep(rows, self.times, intervals, thresholds_of(name), groups)
+                for name, rows in self.snapshots.items()
+            }
 
     def settled_interval(self, variable: str) -> float | None:
         """Return the largest Δτ (s) that has settled and is sufficient at the last check, None where there is none."""
@@ -192,6 +195,13 @@ def _index(candidate: Any) -> str:
 def sufficient_strides(found: Sweep) -> list[int]:
     """Return the Δτ that are sufficient by our verdict, in dense intervals, coarse to fine."""
     return [round(c.interval / found.dense_interval) for c in found.candidates if c.verdict == "sufficient"]
+
+
+def _decidable(times: Sequence[float]) -> list[float]:
+    """Δτ of the default scan (s) that keep enough snapshots for a verdict; the finest whatever it keeps."""
+    *coarse, finest = default_intervals(times)
+    longest = (len(times) - 1) * dense_interval(times) / (FEWEST_SNAPSHOTS - 1)
+    return [*(interval for interval in coarse if interval <= longest * (1 + 1e-9)), finest]
 
 
 def check_memory(needed: int, snapshots: int) -> None:

@@ -10,6 +10,7 @@ from scipy.interpolate import CubicSpline
 from selection import (
     ArraySnapshots,
     consistency,
+    interpolated,
     project_from_factor,
     project_from_gram,
     promise_ratio,
@@ -136,7 +137,7 @@ def test_a_cubic_in_time_is_resolved_and_only_the_projection_error_is_left():
     shapes = np.linalg.qr(rng.standard_normal((500, 3)))[0]
     W = shapes @ np.array([t, t**2, t**3]) + 1e-3 * rng.standard_normal((500, 41))
     training = np.arange(0, 41, 4)
-    ratio = resolution_ratio(routes(W, training)["gram"], 3)
+    ratio = resolution_ratio(interpolated(routes(W, training)["gram"], 3), 3)
     # the spline repeats the cubic and adds the noise of its nodes, on 3 of 500 directions: sqrt(1 + O(3/500))
     assert ratio is not None
     assert 1.0 <= ratio < 1.01
@@ -151,9 +152,10 @@ def test_the_promise_ratio_is_that_of_a_spline_on_few_modes_to_those_modes_at_tr
     foreseen = modes @ CubicSpline(training, (modes.T @ centred[:, training]).T)(unseen).T
     missed = np.linalg.norm(centred[:, unseen] - foreseen, axis=0).mean()
     promised = np.linalg.norm((centred - modes @ (modes.T @ centred))[:, training], axis=0).mean()
-    assert_allclose(promise_ratio(projection, n), missed / promised, rtol=1e-6)
-    assert promise_ratio(projection, 0) is None
-    assert promise_ratio(projection, c.shape[1]) is None  # all modes leave nothing at the training times
+    assert_allclose(promise_ratio(interpolated(projection, n), n), missed / promised, rtol=1e-6)
+    assert promise_ratio(interpolated(projection, 0), 0) is None
+    most = c.shape[1]  # all modes leave nothing at the training times
+    assert promise_ratio(interpolated(projection, most), most) is None
 
 
 def test_resolution_ratio_is_that_of_splines_and_reconstructions_of_the_rows():
@@ -165,11 +167,11 @@ def test_resolution_ratio_is_that_of_splines_and_reconstructions_of_the_rows():
     c = CubicSpline(training, D[:, training].T @ U)(unseen)
     total = np.sqrt(np.square(D[:, unseen] - U @ c.T).mean(axis=0)).mean()
     left = np.sqrt(np.square(D[:, unseen] - U @ (U.T @ D[:, unseen])).mean(axis=0)).mean()
-    ratio = resolution_ratio(routes(W, training)["gram"], n)
+    ratio = resolution_ratio(interpolated(routes(W, training)["gram"], n), n)
     assert ratio is not None
     assert math.isclose(ratio, total / left, rel_tol=1e-10)
 
 
 @pytest.mark.parametrize(("stride", "n"), [(3, 0), (1, 4)])
 def test_without_modes_or_unseen_times_resolution_is_undefined(stride, n):
-    assert resolution_ratio(routes(moving(), np.arange(0, 121, stride))["gram"], n) is None
+    assert resolution_ratio(interpolated(routes(moving(), np.arange(0, 121, stride))["gram"], n), n) is None
