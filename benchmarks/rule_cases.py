@@ -10,6 +10,7 @@ from rule_flows import Flow
 from pod import RowSource, SnapshotMatrix
 from selection import Candidate, Thresholds, dense_interval, project_from_gram, spline_errors, sweep
 from selection.intervals import candidates
+from suffice.cases import PLAIN
 from suffice.compare import compare
 from suffice.rows import Variable
 from suffice.run import Run
@@ -102,14 +103,15 @@ def as_case(candidate: Candidate, spline: Any, rows: int) -> Case:
 
 def add_errors_(cases: list[Case], run: Run, name: str) -> None:
     """Add to each case the errors of every surrogate without training on n_lr, n_c and all modes, and of raw ones."""
-    answer = compare(run, [name], [case["interval"] for case in cases])
-    bases = {base["interval"]: base for base in answer["bases"]}
+    answer = compare(run, [name], [case["interval"] for case in cases], precisions=[])
+    bases = {base["interval"]: base for base in answer["bases"] if base["basis"] == PLAIN}
+    rows = [row for row in answer["rows"] if row["basis"] in (PLAIN, None)]
     for case in cases:
         base = bases[case["interval"]]
         least = base["n_lr"]
         levels = {"n_lr": least, "n_c": max(base["n_c"], least), "all": base["modes"]}
         case["errors"], case["raw"] = {}, {}
-        for row in (row for row in answer["rows"] if row["interval"] == case["interval"]):
+        for row in (row for row in rows if row["interval"] == case["interval"]):
             if row["modes"] is None:
                 case["raw"][row["surrogate"]] = row["rmse"]
             else:

@@ -11,6 +11,7 @@ from rule_intervals import at_feasibility, at_promise, told
 from rule_tables import kind_of, table
 from rule_truth import breach, curve, keeps_promise_up_to_n_c, least_error, promised, spline_breach
 
+from suffice.cases import PLAIN
 from suffice.compare import compare
 from suffice.run import Run
 
@@ -69,14 +70,16 @@ def networks_table(folder: Path) -> str:
     for name, strides in NETWORK_STRIDES.items():
         with Run(folder / f"{name}.h5") as run:
             asked = [float(f"{k * run.interval:.12g}") for k in strides] if run.interval else []
-            answer = compare(run, ["position.x"], asked, ["spline", "mlp"], training_seconds=TRAINING_SECONDS)
+            answer = compare(
+                run, ["position.x"], asked, ["spline", "mlp"], precisions=[], training_seconds=TRAINING_SECONDS
+            )
             known = {case["interval"]: case for case in judged(run, "position.x", FLOWS[name]())}
         for interval in asked:
             case = min(known.values(), key=lambda one: abs(one["interval"] - interval))
             errors = {
                 row["surrogate"]: row["rmse"]
                 for row in answer["rows"]
-                if row["interval"] == interval and row["modes"] == case["n_lr"]
+                if (row["interval"], row["modes"], row["basis"]) == (interval, case["n_lr"], PLAIN)
             }
             ratios = [f"{errors[who] / promised(case):.2f}" for who in ("spline", "mlp")]
             rows.append([name, str(case["stride"]), f"{case['K_f']:.2f}", *ratios])
