@@ -34,7 +34,7 @@ def box_of(positions: Sequence[Array], finest: float = 0.0) -> Box:
 
 
 def placed(position: Array, box: Box) -> Places:
-    """Return the places (frames, 3, n) of positions (frames, n, 3) m that lie in the box, half a quantum off at most."""
+    """Return the places (frames, 3, n) of positions (frames, n, 3) m in the box, half a quantum off at most."""
     return np.rint((position - box.lowest) / box.quantum).astype(np.uint16).transpose(0, 2, 1)
 
 

@@ -17,7 +17,7 @@ from suffice.reconstruction import Case, consistent_level, projection_errors, re
 from suffice.refusal import Refusal
 from suffice.run import Run
 from suffice.setting import setting_of
-from suffice.variables import held, held_velocity
+from suffice.variables import columns_of, held, held_velocity
 from surrogates import SURROGATES
 from surrogates import InputError as UnfitSeries
 
@@ -26,6 +26,7 @@ Results = Mapping[str, Any]
 
 MOST_FRAMES = 100
 MOST_PARTICLES = 20_000
+MOST_MODES_BYTES = 4 * 2**30  # all modes of all particles, in double precision
 PER_DIAMETER = 500  # quanta: a finer place is not seen, nor a finer error by its colour
 MOST_BYTES = 18 * 10**6  # deflated: with the rest of the page under 30 MB as base64
 ENERGY = 0.999  # that n_lr modes hold
@@ -43,6 +44,14 @@ class Prediction(NamedTuple):
     position: Array  # (frames, n, 3) m
     error: Array  # (frames, n) m, distance from the truth
     rmse: float  # m, of a component of position over all particles, mean over all unseen times of the window
+
+
+class Shown(NamedTuple):
+    """What part of a run is shown, by numbers of snapshots and particles, and the truth there."""
+
+    frames: NDArray[np.intp]  # (frames,)
+    particles: NDArray[np.intp]  # (n,)
+    truth: Array  # (frames, n, 3) m
 
 
 class Player(NamedTuple):
@@ -71,7 +80,7 @@ def player_of(path: Path, results: Results) -> Player | None:
             intervals = intervals_shown(results)
             if not intervals:
                 return _without("positions were compared at no Δτ that leaves snapshots to predict")
-            return _player(run, intervals)
+            return _player(run, intervals, sufficient_interval(results))
     except (Refusal, UnfitIntervals, UnfitSnapshots, UnfitSeries) as error:
         return _without(str(error))
 
@@ -100,20 +109,27 @@ def _without(reason: str) -> Player:
     return Player({"left_out": reason}, {})
 
 
-def _player(run: Run, intervals: Sequence[float]) -> Player:
-    subsets = candidates(run.times, list(intervals))
+def _player(run: Run, intervals: Sequence[float], sufficient: float | None) -> Player:
+    subsets = [each for each in candidates(run.times, list(intervals)) if _modes_bytes(run, each) <= MOST_MODES_BYTES]
+    if not subsets:
+        return _without("the modes of all particles would take more than 4 GiB")
+    values, rates = held(run, "position"), held_velocity(run, "position")
     last = min(int(subset.training[-1]) for subset in subsets)
     frames = np.arange(max(last + 1 - MOST_FRAMES, 0), last + 1)
-    shown = np.linspace(0, run.n_particles - 1, min(MOST_PARTICLES, run.n_particles)).round().astype(np.intp)
-    truth = np.stack([_of(run, int(k))[shown] for k in frames])
-    found = [_predicted(run, subset, frames, shown, truth) for subset in subsets]
+    particles = np.linspace(0, run.n_particles - 1, min(MOST_PARTICLES, run.n_particles)).round().astype(np.intp)
+    truth = columns_of(values, frames).reshape(len(frames), -1, 3)[:, particles].astype(np.float64)
+    shown = Shown(frames, particles, truth)
+    found = [
+        _predicted(Case(values, rates, run.times, s.training, np.setdiff1d(s.testing, s.training)), s.interval, shown)
+        for s in subsets
+    ]
     setting = setting_of(run)
     box, packed = packed_within([truth, *(each.position for each in found)], (setting.diameter or 0.0) / PER_DIAMETER)
-    streams = {"truth": packed[0], "radius": _radii(run.radius[shown], box)}
+    streams = {"truth": packed[0], "radius": _radii(run.radius[particles], box)}
     streams |= {str(i): data for i, data in enumerate(packed[1:])}
     facts = {
         "frames": len(frames),
-        "particles": len(shown),
+        "particles": len(particles),
         "of_particles": run.n_particles,
         "times": run.times[frames].tolist(),
         "lowest": box.lowest.tolist(),
@@ -121,6 +137,7 @@ def _player(run: Run, intervals: Sequence[float]) -> Player:
         "diameter": setting.diameter,
         "up": [0.0, 0.0, 1.0] if setting.up is None else setting.up.tolist(),
         "period": None if setting.period is None else [part.tolist() for part in setting.period],
+        "sufficient": sufficient,
         "fastest": _fastest(truth, run.times[frames]),
         "predictions": [_facts(each, setting.diameter) for each in found],
         "bytes": sum(map(len, streams.values())),
@@ -141,31 +158,27 @@ def packed_within(positions: Sequence[Array], finest: float, most: int = MOST_BY
         finest = 2.0 * box.quantum
 
 
-def _of(run: Run, k: int) -> Array:
-    return np.asarray(run.snapshot(k).values["position"], dtype=np.float64)
+def _modes_bytes(run: Run, subset: Subset) -> int:
+    return 8 * 3 * run.n_particles * len(subset.training)
 
 
-def _predicted(
-    run: Run, subset: Subset, frames: NDArray[np.intp], shown: NDArray[np.intp], truth: Array
-) -> Prediction:
-    """Train on the snapshots of a subset and predict the frames, (frames, shown, 3)."""
-    unseen = np.setdiff1d(subset.testing, subset.training)
-    case = Case(held(run, "position"), held_velocity(run, "position"), run.times, subset.training, unseen)
+def _predicted(case: Case, interval: float, shown: Shown) -> Prediction:
+    """Train on the snapshots kept every `interval` (s) and predict those shown."""
     reduced = reduce(case, ENERGY)
     full = reduced.basis.modes.shape[1]
     n = max(consistent_level(reduced, case, CONSISTENCY), reduced.basis.n_lr or full)
     name = "spline" if reduced.rates is None else "hermite"
     rates = None if reduced.rates is None else reduced.rates[:, :n]
-    surrogate = SURROGATES[name]().fit(run.times[subset.training], reduced.coefficients[subset.training, :n], rates)
-    rows = (3 * shown[:, None] + np.arange(3)).ravel()
-    predicted = reduced.basis.mean[rows] + surrogate.predict(run.times[frames]) @ reduced.basis.modes[rows, :n].T
-    position = predicted.reshape(truth.shape)
+    surrogate = SURROGATES[name]().fit(case.times[case.training], reduced.coefficients[case.training, :n], rates)
+    rows = (3 * shown.particles[:, None] + np.arange(3)).ravel()
+    coefficients = surrogate.predict(case.times[shown.frames])
+    position = (reduced.basis.mean[rows] + coefficients @ reduced.basis.modes[rows, :n].T).reshape(shown.truth.shape)
     # modes are orthonormal: what projection leaves and what the coefficients miss add up
-    miss = surrogate.predict(run.times[unseen]) - reduced.coefficients[unseen, :n]
+    miss = surrogate.predict(case.times[case.unseen]) - reduced.coefficients[case.unseen, :n]
     squares = projection_errors(reduced, case, n) ** 2 + np.square(miss).sum(axis=1) / len(reduced.basis.mean)
-    error = np.linalg.norm(position - truth, axis=-1)
-    kept = np.isin(frames, subset.training)
-    return Prediction(subset.interval, name, n, kept, position, error, float(np.sqrt(squares).mean()))
+    error = np.linalg.norm(position - shown.truth, axis=-1)
+    kept = np.isin(shown.frames, case.training)
+    return Prediction(interval, name, n, kept, position, error, float(np.sqrt(squares).mean()))
 
 
 def _facts(found: Prediction, diameter: float | None) -> dict[str, Any]:

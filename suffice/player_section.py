@@ -16,9 +16,10 @@ STAGE = (
     '<label>colour <select name="player-colour"><option value="speed">speed</option>'
     '<option value="error">error of the surrogate</option></select></label>'
     '<label>surrogate trained every <select name="player-interval">{intervals}</select></label></div>'
-    '<div class="stages"><figure><figcaption>simulation</figcaption><canvas aria-label="simulated particles"></canvas>'
-    '</figure><figure><figcaption class="named"></figcaption><canvas aria-label="predicted particles"></canvas></figure>'
-    '</div><div class="ramp"><span>0</span><i></i><span class="end"></span></div>'
+    '<div class="stages"><figure><figcaption>simulation</figcaption>'
+    '<canvas aria-label="simulated particles"></canvas></figure>'
+    '<figure><figcaption class="named"></figcaption><canvas aria-label="predicted particles"></canvas>'
+    '</figure></div><div class="ramp"><span>0</span><i></i><span class="end"></span></div>'
     '<div class="transport"><button type="button" class="play">Play</button>'
     '<input type="range" class="scrub" min="0" max="{last}" value="0" aria-label="frame"></div>'
     '<p class="moment" aria-live="off"></p></div>'
@@ -51,11 +52,12 @@ def _text(facts: Mapping[str, Any]) -> str:
     for found in facts["predictions"]:
         error = f"{number(found['rmse'] / diameter)} d" if diameter else f"{number(found['rmse'])} m"
         items.append(
-            f"<li>trained every <b>{seconds_text(found['interval'])}</b>: {escape(found['surrogate'])} on "
+            f"<li>Trained every <b>{seconds_text(found['interval'])}</b>{_judged(found, facts)}: "
+            f"{escape(found['surrogate'])} on "
             f"{found['modes']} modes of position, RMSE at unseen times <b>{error}</b></li>"
         )
     fewer = facts["particles"] < facts["of_particles"]
-    particles = f"{facts['particles']} of {facts['of_particles']}" if fewer else f"all {facts['particles']}"
+    particles = f"{facts['particles']} of {facts['of_particles']}" if fewer else f"All {facts['particles']}"
     fine = f"{facts['quantum'] / diameter:.1g} d" if diameter else f"{number(facts['quantum'])} m"
     times = facts["times"]
     text = (
@@ -65,6 +67,12 @@ def _text(facts: Mapping[str, Any]) -> str:
         "turns back."
     )
     return f'<ul class="verdicts">{"".join(items)}</ul><p class="quiet">{text}</p>'
+
+
+def _judged(found: Mapping[str, Any], facts: Mapping[str, Any]) -> str:
+    """Say what the paper's rule finds of all components of position at this Δτ."""
+    enough = facts["sufficient"] is not None and found["interval"] <= facts["sufficient"]
+    return f" ({'' if enough else 'not '}sufficient for every component of position)"
 
 
 def _data(player: Player) -> str:

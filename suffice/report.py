@@ -42,9 +42,8 @@ def write_report(results: Results, path: str | Path) -> None:
     results: `study`, `run`, `select` (as `select --json` writes it), `curves` {variable: {Δτ: curves}}, `spectrum`
     {variable: {Δτ: I(p)}}, `convergence` {variable: curves against steps, and `modes`}, `compare` (as
     `compare` answers, with a list of what `compare_beyond` does in `beyond`), `observables` (a list, as
-    `compare_observables` answers), `unseen` (as `compare_unseen`), `omissions` (as `compare_omissions`), `player` (a `Player`),
-    `stages`,
-    `series` with its `times`, `provenance`;
+    `compare_observables` answers), `unseen` (as `compare_unseen`), `omissions` (as `compare_omissions`), `player` (a
+    `Player`), `stages`, `series` with its `times`, `provenance`;
     any may be missing, and its section is left out. Everything shown is escaped; the page loads nothing.
     Raises `Refusal` when the page cannot be written.
     """

@@ -18,24 +18,24 @@
 
   const VERTEX = `#version 300 es
   in vec3 place; in float radius; in float level;
-  uniform mat3 turned; uniform vec3 middle; uniform float away, field, height;
+  uniform mat3 turned; uniform vec3 middle; uniform float away, field, height, aspect;
   out vec3 centre; out float r; out float shade;
   void main() {
     centre = turned * (place - middle) - vec3(0.0, 0.0, away);
     r = radius; shade = level;
     float z = -centre.z;
-    gl_Position = vec4(centre.xy / field, 0.0, z);
+    gl_Position = vec4(centre.x / field / aspect, centre.y / field, 0.0, z);
     // a square around the sphere's outline, wider away from the middle of the view
     gl_PointSize = 1.1 * r * height / field / sqrt(max(z * z - r * r, 1e-30)) * length(centre) / z + 2.0;
   }`;
   const FRAGMENT = `#version 300 es
   precision highp float;
   in vec3 centre; in float r; in float shade;
-  uniform float away, field, height, reach; uniform vec3 ramp[5];
+  uniform float away, field, height, aspect, reach; uniform vec3 ramp[5];
   out vec4 colour;
   void main() {
     // the ray through this pixel meets the sphere, or the pixel stays as it is
-    vec3 ray = normalize(vec3((gl_FragCoord.xy / height * 2.0 - 1.0) * field, -1.0));
+    vec3 ray = normalize(vec3((gl_FragCoord.xy / height * 2.0 - vec2(aspect, 1.0)) * field, -1.0));
     float along = dot(ray, centre), inside = along * along - dot(centre, centre) + r * r;
     if (inside < 0.0) discard;
     vec3 point = ray * (along - sqrt(inside)), normal = (point - centre) / r;
@@ -175,10 +175,13 @@
     gl.uniform1f(spot("field"), FIELD);
     gl.enable(gl.DEPTH_TEST);
     return (positions, levels, ramp, camera) => {
-      const side = Math.round(canvas.clientWidth * Math.min(devicePixelRatio || 1, 2));
-      if (canvas.width !== side) canvas.width = canvas.height = side;
-      gl.viewport(0, 0, side, side);
-      gl.uniform1f(spot("height"), side);
+      const fine = Math.min(devicePixelRatio || 1, 2);
+      const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((x) => Math.max(Math.round(fine * x), 1));
+      if (canvas.width !== width) canvas.width = width;
+      if (canvas.height !== height) canvas.height = height;
+      gl.viewport(0, 0, width, height);
+      gl.uniform1f(spot("height"), height);
+      gl.uniform1f(spot("aspect"), width / height);
       gl.uniformMatrix3fv(spot("turned"), false, rotation(camera));
       gl.uniform3fv(spot("ramp"), ramp.flatMap(rgb));
       send("place", positions, gl.DYNAMIC_DRAW);
