@@ -70,9 +70,9 @@ def _text(facts: Mapping[str, Any]) -> str:
 
 
 def _judged(found: Mapping[str, Any], facts: Mapping[str, Any]) -> str:
-    """Say what the paper's rule finds of all components of position at this Δτ."""
+    """Say whether the paper's rule finds this Δτ sufficient for every component of position."""
     enough = facts["sufficient"] is not None and found["interval"] <= facts["sufficient"]
-    return f" ({'' if enough else 'not '}sufficient for every component of position)"
+    return f" ({'' if enough else 'not '}sufficient for all of position)"
 
 
 def _data(player: Player) -> str:

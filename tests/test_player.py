@@ -215,10 +215,9 @@ const wait = setInterval(() => {
   choose("player-interval", "1");
   seen.finer = drawn();
   const canvas = document.querySelector(".stages canvas");
-  canvas.setPointerCapture = () => {};
-  canvas.hasPointerCapture = () => true;
-  canvas.dispatchEvent(new PointerEvent("pointerdown", { pointerId: 1 }));
-  canvas.dispatchEvent(new PointerEvent("pointermove", { pointerId: 1, movementX: 90, movementY: 20 }));
+  canvas.setPointerCapture = () => {}; // of a finger that is not there
+  canvas.dispatchEvent(new PointerEvent("pointerdown", { pointerId: 1, clientX: 10, clientY: 10 }));
+  canvas.dispatchEvent(new PointerEvent("pointermove", { pointerId: 1, clientX: 100, clientY: 30 }));
   seen.turned = drawn();
   new MutationObserver(() => { seen.frames.add(Number(section.dataset.frame)); note(); })
     .observe(section, { attributes: true });

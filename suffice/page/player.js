@@ -243,11 +243,17 @@
     scrub.addEventListener("input", () => { set(false); draw(); });
     for (const pick of [colour, interval]) pick.addEventListener("change", draw);
     for (const canvas of root.querySelectorAll("canvas")) {
-      canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
+      let held = null; // where the finger or the mouse was last
+      canvas.addEventListener("pointerdown", (event) => {
+        canvas.setPointerCapture(event.pointerId);
+        held = event;
+      });
+      for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => { held = null; });
       canvas.addEventListener("pointermove", (event) => {
-        if (!canvas.hasPointerCapture(event.pointerId)) return;
-        camera.turn -= (event.movementX * Math.PI) / canvas.clientWidth;
-        camera.tilt += (event.movementY * Math.PI) / canvas.clientWidth;
+        if (held?.pointerId !== event.pointerId) return;
+        camera.turn -= ((event.clientX - held.clientX) * Math.PI) / canvas.clientWidth;
+        camera.tilt += ((event.clientY - held.clientY) * Math.PI) / canvas.clientWidth;
+        held = event;
         camera.tilt = Math.min(Math.max(camera.tilt, -1.5), 1.5); // at the poles there is no upright
         draw();
       });
