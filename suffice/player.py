@@ -31,7 +31,8 @@ PER_DIAMETER = 500  # quanta: a finer place is not seen, nor a finer error by it
 MOST_BYTES = 18 * 10**6  # deflated: with the rest of the page under 30 MB as base64
 ENERGY = 0.999  # that n_lr modes hold
 UNKNOWN_RADIUS = 0.01  # of the box's edge: drawn where the run does not know it
-BRIGHTEST = 0.995  # share of speeds or errors below the end of the scale
+BRIGHTEST = 0.995  # share of speeds or errors below the end of the scale …
+STEPS_OF_SCALE = 20  # … that spans no fewer quanta, or it would show how places are rounded
 
 
 class Prediction(NamedTuple):
@@ -138,8 +139,8 @@ def _player(run: Run, intervals: Sequence[float], sufficient: float | None) -> P
         "up": [0.0, 0.0, 1.0] if setting.up is None else setting.up.tolist(),
         "period": None if setting.period is None else [part.tolist() for part in setting.period],
         "sufficient": sufficient,
-        "fastest": _fastest(truth, run.times[frames]),
-        "predictions": [_facts(each, setting.diameter) for each in found],
+        "fastest": _fastest(truth, run.times[frames], box.quantum),
+        "predictions": [_facts(each, setting.diameter, box.quantum) for each in found],
         "bytes": sum(map(len, streams.values())),
     }
     return Player(facts, streams)
@@ -181,7 +182,7 @@ def _predicted(case: Case, interval: float, shown: Shown) -> Prediction:
     return Prediction(interval, name, n, kept, position, error, float(np.sqrt(squares).mean()))
 
 
-def _facts(found: Prediction, diameter: float | None) -> dict[str, Any]:
+def _facts(found: Prediction, diameter: float | None, quantum: float) -> dict[str, Any]:
     """Facts of a prediction in plain types; errors of the frames are those of the particles shown."""
     unseen = found.error[~found.kept]
     return {
@@ -192,16 +193,15 @@ def _facts(found: Prediction, diameter: float | None) -> dict[str, Any]:
         "rmse": found.rmse,
         "rmse_diameters": found.rmse / diameter if diameter else None,
         "frame_rmse": np.sqrt(np.square(found.error).mean(axis=1) / 3).tolist(),
-        "largest": float(np.quantile(unseen, BRIGHTEST)) if unseen.size else 0.0,
+        "largest": max(float(np.quantile(unseen, BRIGHTEST)) if unseen.size else 0.0, STEPS_OF_SCALE * quantum),
     }
 
 
-def _fastest(position: Array, times: Array) -> float:
+def _fastest(position: Array, times: Array, quantum: float) -> float:
     """End of the scale of speeds, m/s: that which but few particles exceed, between neighbouring frames."""
-    if len(times) < 2:
-        return 0.0
-    speeds = np.linalg.norm(np.diff(position, axis=0), axis=-1) / np.diff(times)[:, None]
-    return float(np.quantile(speeds, BRIGHTEST))
+    steps = np.diff(times)
+    speeds = np.linalg.norm(np.diff(position, axis=0), axis=-1) / steps[:, None]
+    return max(float(np.quantile(speeds, BRIGHTEST)), STEPS_OF_SCALE * quantum / float(steps.min()))
 
 
 def _radii(radius: Array, box: Box) -> bytes:

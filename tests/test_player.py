@@ -137,6 +137,15 @@ def test_the_frames_in_the_page_have_the_errors_that_are_said_of_them(run):
         assert off[~kept].mean() > off[kept].mean()
 
 
+def test_beads_that_hardly_move_are_not_coloured_by_how_their_places_are_rounded(tmp_path):
+    position, velocity = (1e-7 * values / 2e-3 for values in circling())
+    path = write(tmp_path / "run.h5", {"position": position + 0.01 * np.arange(40)[:, None], "velocity": velocity})
+    facts = player_of(path, results()).facts
+    rounding = np.sqrt(3) * facts["quantum"]  # at most, of the distance of two rounded places
+    assert all(found["largest"] > 10 * rounding for found in facts["predictions"])
+    assert facts["fastest"] > 10 * rounding / INTERVAL
+
+
 def test_a_run_without_velocities_is_shown_with_a_spline(tmp_path):
     player = player_of(write(tmp_path / "run.h5", {"position": circling()[0]}), results())
     assert {found["surrogate"] for found in player.facts["predictions"]} == {"spline"}
