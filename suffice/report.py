@@ -11,6 +11,7 @@ from plotly.offline import get_plotlyjs
 
 from suffice.beyond_section import beyond_section
 from suffice.omissions_section import omissions_section
+from suffice.player_section import player_section
 from suffice.plots import (
     consistency_figure,
     error_figure,
@@ -41,8 +42,8 @@ def write_report(results: Results, path: str | Path) -> None:
     results: `study`, `run`, `select` (as `select --json` writes it), `curves` {variable: {Δτ: curves}}, `spectrum`
     {variable: {Δτ: I(p)}}, `convergence` {variable: curves against steps, and `modes`}, `compare` (as
     `compare` answers, with a list of what `compare_beyond` does in `beyond`), `observables` (a list, as
-    `compare_observables` answers), `unseen` (as `compare_unseen`), `omissions` (as `compare_omissions`), `stages`,
-    `series` with its `times`, `provenance`;
+    `compare_observables` answers), `unseen` (as `compare_unseen`), `omissions` (as `compare_omissions`), `player` (a
+    `Player`), `stages`, `series` with its `times`, `provenance`;
     any may be missing, and its section is left out. Everything shown is escaped; the page loads nothing.
     Raises `Refusal` when the page cannot be written.
     """
@@ -61,6 +62,7 @@ def render(results: Results) -> str:
     parts = (
         _verdict,
         _feasibility,
+        player_section,
         _consistency,
         _spectrum,
         _convergence,
@@ -77,21 +79,29 @@ def render(results: Results) -> str:
     )
     sections = [section for part in parts if (section := part(results)) is not None]
     figures = {f"panel{i}": section.figures for i, section in enumerate(sections)}
-    page = files("suffice") / "page"
+    scripts = ["report.js", *dict.fromkeys(section.script for section in sections if section.script)]
     study = escape(str(results.get("study") or "a run"))
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>How much data suffices: {study}</title>"
-        f"<style>{(page / 'report.css').read_text(encoding='utf-8')}</style></head>\n"
+        f"<style>{_of_page('report.css')}</style></head>\n"
         f"<body><header><h1>How much data suffices: {study}</h1>{_facts(results)}</header>\n"
         f"<main>{''.join(_html(section, f'panel{i}') for i, section in enumerate(sections))}</main>\n"
         "<noscript><p>The figures need JavaScript; the tables do not.</p></noscript>"
         f"<script>{get_plotlyjs()}</script>\n"
         f'<script type="application/json" id="figures">{_json(figures)}</script>\n'
-        f"<script>{(page / 'report.js').read_text(encoding='utf-8')}</script></body></html>\n"
+        f"{''.join(_script(name) for name in scripts)}</body></html>\n"
     )
+
+
+def _of_page(name: str) -> str:
+    return (files("suffice") / "page" / name).read_text(encoding="utf-8")
+
+
+def _script(name: str) -> str:
+    return f"<script>{_of_page(name)}</script>"
 
 
 def _json(value: Any) -> str:

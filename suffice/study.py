@@ -20,6 +20,7 @@ from suffice.comparing import Comparing, compare_as_wished
 from suffice.door import write_json
 from suffice.lock import only_writer
 from suffice.omissions import Omissions, omission_stages
+from suffice.player import player_of
 from suffice.progress import Reporter
 from suffice.readers import import_run
 from suffice.refusal import Refusal
@@ -220,8 +221,10 @@ def _compare(study: Study, folder: Path, reporter: Reporter) -> str:
 def make_report(folder: Path, name: str) -> str:
     """Gather what a folder holds into results.json and report.html; return a few words."""
     results = gather(folder, name)
-    write_json(results, str(folder / "results.json"))
-    write_report(results, folder / "report.html")
+    player = player_of(folder / RUN, results)
+    # the frames are in the run already, and in the page
+    write_json(results | ({} if player is None else {"player": player.facts}), str(folder / "results.json"))
+    write_report(results | {"player": player}, folder / "report.html")
     return "one page"
 
 

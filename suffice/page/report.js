@@ -43,7 +43,7 @@
     Plotly.react(panel, copy.data, themed(copy, panel.clientWidth), config);
   }
 
-  for (const pick of document.querySelectorAll("select")) {
+  for (const pick of panels.flatMap((panel) => [...panel.closest("section").querySelectorAll("select")])) {
     pick.addEventListener("change", () => {
       // one choice of variable for the whole page, where a panel has it
       for (const other of document.querySelectorAll(`select[name="${pick.name}"]`)) {
