@@ -13,6 +13,8 @@ from selection.feasibility import Thresholds
 from selection.gram import InnerProducts, as_snapshots, inner_products, square_root
 from selection.intervals import candidates, dense_interval
 from selection.routes import routes
+from selection.shown import chosen_text, table_of
+from selection.table import Table
 
 Array = NDArray[np.float64]
 
@@ -24,6 +26,19 @@ class Sweep(NamedTuple):
     chosen_interval: float | None  # s, the largest sufficient Δτ
     thresholds: Thresholds
     candidates: list[Candidate]
+
+    def __repr__(self) -> str:
+        return self._table().text()
+
+    def _repr_html_(self) -> str:
+        return self._table().html()
+
+    def _table(self) -> Table:
+        return table_of(self.sentence(), self.candidates)
+
+    def sentence(self) -> str:
+        """Which Δτ the paper's rule chooses, and what our verdict adds to it."""
+        return chosen_text(self.candidates, self.chosen_interval, self.thresholds.feasibility)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain Python types, ready for JSON: chosen_interval, thresholds, candidates."""
