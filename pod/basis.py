@@ -114,6 +114,15 @@ def lanczos_pod(
     "svd", default the cheapest. gram: inner products of these snapshots that are known already (`pod.grown_gram`).
     W: (rows, snapshots), any row source; streamed.
     Raises InputError for fewer than two snapshots, snapshots in which nothing moves, NaN, or a bad setting.
+
+    >>> times = np.linspace(0.0, 1.0, 21)  # s
+    >>> W = np.outer([3.0, 4.0, 0.0], np.sin(5 * times)) + np.outer([0.0, 0.0, 0.1], np.cos(7 * times))
+    >>> basis = lanczos_pod(W, energy=0.9999)
+    >>> basis.modes.shape, basis.n_lr
+    ((3, 2), 1)
+    >>> coefficients = basis.project(W)  # (21, 2)
+    >>> bool(np.allclose(basis.reconstruct(coefficients), W))
+    True
     """
     matrix = as_matrix(W, device)
     criterion = checked(Truncation(energy, modes, tolerance, error))

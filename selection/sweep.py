@@ -67,6 +67,15 @@ def sweep(
     jackknife over that many groups of particles (needs `gram_groups`, and two particles per group); None leaves it out.
     Raises InputError for times that are not uniform, fewer than two snapshots, a Δτ that is not a multiple of the
     dense interval, or values that are not finite.
+
+    >>> times, k = 1e-3 * np.arange(201), np.arange(1, 25)[:, None]  # s
+    >>> shapes = np.random.default_rng(0).normal(size=(50, 24))
+    >>> W = shapes @ (0.5**k * np.sin(80.0 * k * times + k**2))  # 24 motions, each faster and smaller than the last
+    >>> table = sweep(W, times, intervals=[0.010, 0.005, 0.002])
+    >>> [(c.interval, c.n_lr, c.n_c) for c in table.candidates]
+    [(0.01, 5, 2), (0.005, 6, 7), (0.002, 6, 19)]
+    >>> table.chosen_interval
+    0.002
     """
     snapshots = as_snapshots(W)
     n_times = np.size(np.asarray(times))

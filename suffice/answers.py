@@ -6,10 +6,13 @@ from typing import Any
 from selection import Candidate, Sweep
 from selection.shown import feasibility_text
 from selection.table import NONE, Cell, Table
+from suffice.refusal import Refusal
 from suffice.wording import bytes_text, escape, number, seconds_text
 
 MARKS = {"sufficient": " ✓", "insufficient": "  ", "undecidable": " ?"}  # where there is no colour
 COSTS = ("variable", "Δτ", "surrogate", "basis", "modes", "kept as", "RMSE", "unit", "diameters", "snapshot", "storage")
+
+PARTS = ("rows", "bases", "left_out", "winners")  # of a comparison, one entry for a variable each
 
 
 class Selection(dict[str, Sweep]):
@@ -35,13 +38,30 @@ class Selection(dict[str, Sweep]):
 
 
 class Tradeoff(dict[str, Any]):
-    """The answer of a comparison, plain types under names; shows the rows that no other beats in error and cost."""
+    """The answer of a comparison, plain types under names; shows the rows that no other beats in error and cost.
+
+    >>> from suffice import Run, compare_run
+    >>> with Run("run.h5") as run:
+    ...     found = compare_run(run, ["position.x"], [0.004], ["spline", "linear"], precisions=[])
+    >>> least = min(found.of("position.x").front(), key=lambda row: row["rmse"])
+    >>> least["surrogate"]
+    'spline'
+    """
 
     def __repr__(self) -> str:
         return "\n".join([self._table().text(), *self.sentences()])
 
     def _repr_html_(self) -> str:
         return self._table().html() + _paragraphs(self.sentences())
+
+    def of(self, variable: str) -> "Tradeoff":
+        """Return the answer on one variable alone. Raises Refusal for one that was not compared."""
+        known = list(dict.fromkeys(row["variable"] for row in self["rows"]))
+        if variable not in known:
+            raise Refusal(f"variable {variable!r} was not compared; there are {', '.join(known)}")
+        parts = {part: [one for one in self[part] if one["variable"] == variable] for part in PARTS}
+        choice = {name: found for name, found in self["choice"].items() if name == variable}
+        return Tradeoff({**self, **parts, "choice": choice})
 
     def front(self) -> list[dict[str, Any]]:
         """Return the rows that no other of the same variable beats in error and in one of the costs."""
@@ -53,7 +73,9 @@ class Tradeoff(dict[str, Any]):
 
     def _table(self) -> Table:
         rows = self.front()
-        title = f"{len(rows)} of {len(self['rows'])} alternatives: no other has less error at the same time or storage"
+        title = (
+            f"{len(rows)} of {len(self['rows'])} alternatives: no other errs less for no more time, or no more storage"
+        )
         return Table(title, COSTS, [_costs(row) for row in rows])
 
 

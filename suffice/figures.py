@@ -9,13 +9,13 @@ import numpy as np
 from pod import Basis, Convergence
 from selection import Candidate, Sweep
 from suffice.answers import Selection, Tradeoff
+from suffice.plots import QUIET, colours_of, error_field
 from suffice.refusal import Refusal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 INKS = {"sufficient": "#1a7f4b", "insufficient": "#b3362b", "undecidable": "#8a6100"}
-QUIET = "#9aa3af"
 
 
 def plot(result: Sweep | Candidate | Selection | Tradeoff | Basis | Convergence, axes: "Axes | None" = None) -> "Axes":
@@ -95,14 +95,19 @@ def _of_convergence(result: Convergence, axes: "Axes") -> "Axes":
 
 @_drawn.register(Tradeoff)
 def _of_tradeoff(result: Tradeoff, axes: "Axes") -> "Axes":
-    """RMSE against bytes of all alternatives, in diameters where every one is known in them."""
+    """RMSE against bytes of all alternatives, in diameters where they are known."""
     rows = result["rows"]
-    field = "rmse" if any(row["rmse_diameters"] is None for row in rows) else "rmse_diameters"
-    for name in dict.fromkeys(row["surrogate"] for row in rows):
+    variables = sorted({row["variable"] for row in rows})
+    if len(variables) != 1:
+        first = variables[0] if variables else "position.z"
+        raise Refusal(
+            f"plot of a trade-off is that of one variable, this one has {len(variables)}; take .of({first!r})"
+        )
+    field, unit = error_field(rows)
+    for name, colour in colours_of(rows).items():
         own = [row for row in rows if row["surrogate"] == name]
-        axes.loglog([row["storage_bytes"] for row in own], [row[field] for row in own], ".", label=name)
-    unit = "diameters" if field == "rmse_diameters" else ", ".join(sorted({row["unit"] for row in rows}))
-    axes.set(xlabel="bytes to keep", ylabel=f"RMSE at unseen times ({unit})")
+        axes.loglog([row["storage_bytes"] for row in own], [row[field] for row in own], ".", color=colour, label=name)
+    axes.set(xlabel="bytes to keep", ylabel=f"RMSE at unseen times ({unit})", title=variables[0])
     axes.legend(frameon=False, fontsize="small")
     return axes
 
