@@ -1,5 +1,6 @@
 """One pass over the snapshots decides every snapshot interval Δτ."""
 
+import math
 from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any, NamedTuple
@@ -35,6 +36,14 @@ class Sweep(NamedTuple):
 
     def _table(self) -> Table:
         return table_of(self.sentence(), self.candidates)
+
+    def at(self, interval: float) -> Candidate:
+        """Return the candidate of a Δτ in s. Raises InputError for one that was not judged."""
+        found = next((c for c in self.candidates if math.isclose(c.interval, interval, rel_tol=1e-6)), None)
+        if found is None:
+            known = ", ".join(f"{c.interval:g}" for c in self.candidates)
+            raise InputError(f"interval: {interval:g} s was not judged; there are {known} s")
+        return found
 
     def sentence(self) -> str:
         """Which Δτ the paper's rule chooses, and what our verdict adds to it."""
@@ -74,8 +83,8 @@ def sweep(
     >>> table = sweep(W, times, intervals=[0.010, 0.005, 0.002])
     >>> [(c.interval, c.n_lr, c.n_c) for c in table.candidates]
     [(0.01, 5, 2), (0.005, 6, 7), (0.002, 6, 19)]
-    >>> table.chosen_interval
-    0.002
+    >>> table.chosen_interval, table.at(0.005).verdict
+    (0.002, 'insufficient')
     """
     snapshots = as_snapshots(W)
     n_times = np.size(np.asarray(times))

@@ -5,7 +5,7 @@ From Python, what the command line answers:
     run = Run("run.h5")                                     # simulated or imported: its facts
     found = select_run(run, ["position.z"])                 # K_f per Δτ, coloured by verdict
     costs = compare_run(run, ["position.z"], [0.003])       # error against cost of every surrogate
-    plot(found)                                             # any of these, or a basis
+    plot(found)                                             # or costs, a sweep, a candidate, a basis
 
 Names are loaded when they are first used, so that `suffice --help` answers at once.
 """
@@ -61,5 +61,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """Return the public names, for completion."""
-    return sorted({*globals(), *__all__})
+    """Return the public names alone, for completion: not the modules that they have loaded."""
+    return list(__all__)

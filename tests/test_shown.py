@@ -12,7 +12,7 @@ import pytest
 
 import suffice as public
 from pod import enriched_pod, lanczos_convergence, lanczos_pod
-from selection import sweep
+from selection import InputError, sweep
 from suffice import Refusal, Run, Selection, Tradeoff, compare_run, plot, select_run
 from surrogates import SURROGATES
 
@@ -67,6 +67,13 @@ def test_a_sweep_shows_every_candidate_and_what_the_rule_chooses(table):
     assert "Δτ = 0.002 s suffices" in str(table)
     assert table.candidates[-1].reasons[0] in table._repr_html_()
     assert [line.split() for line in repr(table).splitlines()[2:]] == [" ".join(row).split() for row in rows]
+
+
+def test_a_candidate_is_found_by_its_interval_or_the_ones_there_are_are_named(table):
+    assert table.at(0.005) is table.candidates[1]
+    assert table.at(5 * 1e-3 + 1e-15) is table.candidates[1]
+    with pytest.raises(InputError, match=r"interval: 0\.004 s was not judged; there are 0\.01, 0\.005, 0\.002 s"):
+        table.at(0.004)
 
 
 def test_a_verdict_has_the_colour_of_the_report_and_no_other_word_has_one(table):
@@ -186,7 +193,7 @@ def test_a_plot_of_something_else_is_refused():
 
 
 def test_the_public_names_can_be_completed_and_loaded():
-    assert set(public.__all__) <= set(dir(public))
+    assert dir(public) == sorted(public.__all__)
     assert list(public._HOMES) == public.__all__
     for name in public.__all__:
         assert callable(getattr(public, name))
