@@ -14,7 +14,7 @@ import suffice as public
 from pod import enriched_pod, lanczos_convergence, lanczos_pod
 from selection import InputError, sweep
 from suffice import Refusal, Run, Selection, Tradeoff, compare_run, plot, select_run
-from surrogates import SURROGATES
+from surrogates import CONDITION_SURROGATES, SURROGATES
 
 HOSTILE = "<script>alert('x')</script>\"&"
 TIMES = 1e-3 * np.arange(101)  # s
@@ -134,6 +134,8 @@ def test_a_run_shows_its_facts_also_when_it_is_closed(run):
 def test_a_surrogate_says_its_settings_and_window():
     rbf = SURROGATES["rbf"](kernel="cubic")
     assert repr(rbf) == "Rbf(kernel='cubic', shape=None), not fitted"
+    between = CONDITION_SURROGATES["rbf"]().fit([[600.0], [900.0]], [[1.0], [2.0]])
+    assert repr(between).endswith("seed=0), fitted from [600.0] to [900.0]")
     assert repr(rbf.fit(TIMES, np.sin(TIMES)[:, None])).endswith("fitted from 0 to 0.1 s, every 0.001 s")
 
 
