@@ -45,7 +45,7 @@ def _drawn(result: Any, _axes: "Axes") -> "Axes":
 
 @_drawn.register(Sweep)
 def _of_sweep(result: Sweep, axes: "Axes") -> "Axes":
-    """K_f against Δτ: marks in the colour of our verdict, bars from leaving out particles, dotted the limit."""
+    """K_f against Δτ: marks in the colour of our verdict, a band from leaving out particles, dotted the limit."""
     _feasibility(axes, result, "")
     for verdict in sorted({c.verdict for c in result.candidates}):
         own = [c for c in result.candidates if c.verdict == verdict]

@@ -159,11 +159,12 @@ class Run:
     def _facts(self) -> dict[str, str]:
         """Return what a reader wants to know first, all in memory: a closed run still tells."""
         n, even = self.n_snapshots, self.n_snapshots < 2 or self.interval is not None
+        diameter = 2.0 * float(self.radius.mean()) if self.n_particles else math.nan
         facts = {
             "particles": str(self.n_particles),
             "snapshots": f"{n}, from {self.times[0]:.6g} to {self.times[-1]:.6g} s" if n else "none",
             "interval": seconds_text(self.interval) if even else "uneven",
-            "diameter": f"{number(2e3 * float(self.radius.mean()))} mm in the mean" if self.n_particles else "–",
+            "diameter": "unknown" if math.isnan(diameter) else f"{number(1e3 * diameter)} mm in the mean",
             "variables": ", ".join(self.variables),
         }
         if self.grid is not None:

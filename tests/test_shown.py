@@ -131,6 +131,12 @@ def test_a_run_shows_its_facts_also_when_it_is_closed(run):
         assert "uneven" not in shown
 
 
+def test_a_run_of_unknown_size_says_so(write_run, tmp_path):
+    with Run(write_run(tmp_path / "run.h5", n_snapshots=1, radius=float("nan"))) as run:
+        assert "diameter   unknown" in repr(run)
+        assert "interval   –" in repr(run)
+
+
 def test_a_surrogate_says_its_settings_and_window():
     rbf = SURROGATES["rbf"](kernel="cubic")
     assert repr(rbf) == "Rbf(kernel='cubic', shape=None), not fitted"
