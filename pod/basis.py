@@ -11,6 +11,7 @@ from torch import Tensor
 
 from pod.dense import dense_pairs
 from pod.errors import InputError
+from pod.facts import facts_html, facts_text
 from pod.gram import Array, centred_pairs
 from pod.lanczos import EPSILON, RitzPairs, Wanted, lanczos
 from pod.orthonormal import Modes, modes_of
@@ -44,6 +45,27 @@ class Basis(NamedTuple):
     orthogonality: float  # ‖φᵀφ - 1‖_F, measured
     tridiagonal: Array  # (k, k) T_k of the Lanczos process, by blocks; (0, 0) for a dense decomposition
     weights: Array | None  # (rows,) of the inner product, None for ones
+
+    def __repr__(self) -> str:
+        return facts_text(*self._facts())
+
+    def _repr_html_(self) -> str:
+        return facts_html(*self._facts())
+
+    def _facts(self) -> tuple[str, dict[str, str]]:
+        """How many modes hold how much, and how well they are known."""
+        rows, p = self.modes.shape
+        beyond = f"more than {p}"
+        return f"{p} modes of {rows} rows", {
+            "energy held": f"{self.ratio[-1]:.6g} of the total {self.total_energy:.4g}" if p else "none",
+            "n_lr": beyond if self.n_lr is None else str(self.n_lr),
+            "route": f"{self.route}: {self.route_reason}",
+            "stopped": f"after {self.steps} Lanczos vectors: {self.reason}" if self.steps else self.reason,
+            "residual, largest": f"{self.residuals.max() / self.values[0]:.2g} of the first eigenvalue"
+            if p
+            else "none",
+            "orthogonality": f"{self.orthogonality:.2g}, ‖φᵀφ - 1‖",
+        }
 
     def project(self, W: SnapshotMatrix | RowSource) -> Array:
         """Coefficients c = (W - W̄)ᵀ φ of snapshots, (snapshots, modes). W: (rows, snapshots) in the rows' order.
@@ -92,6 +114,15 @@ def lanczos_pod(
     "svd", default the cheapest. gram: inner products of these snapshots that are known already (`pod.grown_gram`).
     W: (rows, snapshots), any row source; streamed.
     Raises InputError for fewer than two snapshots, snapshots in which nothing moves, NaN, or a bad setting.
+
+    >>> times = np.linspace(0.0, 1.0, 21)  # s
+    >>> W = np.outer([3.0, 4.0, 0.0], np.sin(5 * times)) + np.outer([0.0, 0.0, 0.1], np.cos(7 * times))
+    >>> basis = lanczos_pod(W, energy=0.9999)
+    >>> basis.modes.shape, basis.n_lr
+    ((3, 2), 1)
+    >>> coefficients = basis.project(W)  # (21, 2)
+    >>> bool(np.allclose(basis.reconstruct(coefficients), W))
+    True
     """
     matrix = as_matrix(W, device)
     criterion = checked(Truncation(energy, modes, tolerance, error))

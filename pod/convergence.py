@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pod.basis import Basis
+from pod.facts import facts_html, facts_text
 from pod.gram import Array
 
 MOST_POINTS = 60
@@ -19,6 +20,20 @@ class Convergence(NamedTuple):
     paper_ratio: Array  # (points,) Σ_{i≤p} θ_i / Σ_{all k} θ_i, the paper's denominator
     n_lr: NDArray[np.int64]  # (points,) modes that hold the energy asked for, of the exact total; 0 for not yet
     n_lr_ritz: NDArray[np.int64]  # (points,) the same of the paper's denominator, the Ritz values there are
+
+    def __repr__(self) -> str:
+        return facts_text(*self._facts())
+
+    def _repr_html_(self) -> str:
+        return facts_html(*self._facts())
+
+    def _facts(self) -> tuple[str, dict[str, str]]:
+        """Ratio and n_lr after the first, the middle and the last of the steps."""
+        shown = sorted({0, len(self.steps) // 2, len(self.steps) - 1}) if len(self.steps) else []
+        return f"Lanczos convergence, {len(self.steps)} points", {
+            f"after step {self.steps[k]}": f"ratio {self.ratio[k]:.6g}, n_lr {self.n_lr[k] or 'not reached'}"
+            for k in shown
+        }
 
 
 def lanczos_convergence(basis: Basis, modes: int | None = None, energy: float = 0.999) -> Convergence:

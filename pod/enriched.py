@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pod.basis import Basis, Spectrum, basis_of
 from pod.errors import InputError
+from pod.facts import facts_html, facts_text
 from pod.gram import Array
 from pod.lanczos import EPSILON
 from pod.orthonormal import modes_of
@@ -31,6 +32,22 @@ class Enriched(NamedTuple):
     weights: Array  # (w,) tried
     errors: Array  # (w,) RMSE over rows and held-out snapshots of their projection, unit of the positions
     held_out: NDArray[np.intp]  # (h,) snapshots that were held out
+
+    def __repr__(self) -> str:
+        return facts_text(*self._facts())
+
+    def _repr_html_(self) -> str:
+        return facts_html(*self._facts())
+
+    def _facts(self) -> tuple[str, dict[str, str]]:
+        """Say what the velocities gained at the snapshots held out."""
+        p, rows = self.basis.modes.shape[1], self.basis.modes.shape[0]
+        tried = " … ".join(f"{weight:g}" for weight in (self.weights.min(), self.weights.max()))
+        return f"{p} modes of {rows} rows, of positions and velocities", {
+            "weight": f"{self.weight:g} of the velocities, of {tried} tried; 0 leaves them out",
+            "error": f"{self.errors.min():.4g} at {len(self.held_out)} snapshots held out, unit of the positions",
+            "orthogonality": f"{self.basis.orthogonality:.2g}, ‖φᵀφ - 1‖",
+        }
 
 
 class _Joined:

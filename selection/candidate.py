@@ -27,6 +27,8 @@ from selection.intervals import Subset
 from selection.resampling import half_width_of_feasibility
 from selection.resolution import interpolated, promise_ratio, resolution_ratio
 from selection.routes import Routes, project
+from selection.shown import table_of
+from selection.table import Table
 
 Array = NDArray[np.float64]
 ACCURACY = 1e-6  # error of R_c above which inner products are not good enough
@@ -56,6 +58,15 @@ class Candidate(NamedTuple):
     R_lr: float | None  # error at unseen times of a spline on n_lr modes over their error at training times
     eigenvalues: Array  # (p,) of A, descending, unit of W squared, summed over rows
     curves: Consistency  # against n = 0, 1, …
+
+    def __repr__(self) -> str:
+        return self._table().text()
+
+    def _repr_html_(self) -> str:
+        return self._table().html()
+
+    def _table(self) -> Table:
+        return table_of(f"{self.verdict}: {'; '.join(self.reasons)}", [self])
 
     def as_dict(self) -> dict[str, Any]:
         """Numbers and verdict in plain Python types; the curves are left to `curves_as_dict`."""

@@ -1,5 +1,6 @@
 """One pass over the snapshots decides every snapshot interval Δτ."""
 
+import math
 from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any, NamedTuple
@@ -13,6 +14,8 @@ from selection.feasibility import Thresholds
 from selection.gram import InnerProducts, as_snapshots, inner_products, square_root
 from selection.intervals import candidates, dense_interval
 from selection.routes import routes
+from selection.shown import chosen_text, table_of
+from selection.table import Table
 
 Array = NDArray[np.float64]
 
@@ -24,6 +27,27 @@ class Sweep(NamedTuple):
     chosen_interval: float | None  # s, the largest sufficient Δτ
     thresholds: Thresholds
     candidates: list[Candidate]
+
+    def __repr__(self) -> str:
+        return self._table().text()
+
+    def _repr_html_(self) -> str:
+        return self._table().html()
+
+    def _table(self) -> Table:
+        return table_of(self.sentence(), self.candidates)
+
+    def at(self, interval: float) -> Candidate:
+        """Return the candidate of a Δτ in s. Raises InputError for one that was not judged."""
+        found = next((c for c in self.candidates if math.isclose(c.interval, interval, rel_tol=1e-6)), None)
+        if found is None:
+            known = ", ".join(f"{c.interval:g}" for c in self.candidates)
+            raise InputError(f"interval: {interval:g} s was not judged; there are {known} s")
+        return found
+
+    def sentence(self) -> str:
+        """Which Δτ the paper's rule chooses, and what our verdict adds to it."""
+        return chosen_text(self.candidates, self.chosen_interval, self.thresholds.feasibility)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain Python types, ready for JSON: chosen_interval, thresholds, candidates."""
@@ -52,6 +76,15 @@ def sweep(
     jackknife over that many groups of particles (needs `gram_groups`, and two particles per group); None leaves it out.
     Raises InputError for times that are not uniform, fewer than two snapshots, a Δτ that is not a multiple of the
     dense interval, or values that are not finite.
+
+    >>> times, k = 1e-3 * np.arange(201), np.arange(1, 25)[:, None]  # s
+    >>> shapes = np.random.default_rng(0).normal(size=(50, 24))
+    >>> W = shapes @ (0.5**k * np.sin(80.0 * k * times + k**2))  # 24 motions, each faster and smaller than the last
+    >>> table = sweep(W, times, intervals=[0.010, 0.005, 0.002])
+    >>> [(c.interval, c.n_lr, c.n_c) for c in table.candidates]
+    [(0.01, 5, 2), (0.005, 6, 7), (0.002, 6, 19)]
+    >>> table.chosen_interval, table.at(0.005).verdict
+    (0.002, 'insufficient')
     """
     snapshots = as_snapshots(W)
     n_times = np.size(np.asarray(times))

@@ -34,6 +34,20 @@ def simulate(scene: Scene) -> Iterator[Snapshot]:
     """Yield the snapshots of a scene, time zero first.
 
     Raises InputError for a scene that cannot start and LimitError for a limit violated on the way.
+
+    >>> from sim import parse_scene
+    >>> scene = parse_scene('''
+    ... gravity = { acceleration = [0.0, 0.0, -9.81] }  # m/s²
+    ... contact = { stiffness = 1e3, restitution = 0.8 }  # N/m
+    ... time = { duration = 0.1 }  # s
+    ... output = { interval = 0.05 }  # s
+    ... [[particles]]
+    ... diameter = 2e-3  # m
+    ... density = 2500.0  # kg/m³
+    ... position = [[0.0, 0.0, 0.0]]  # m
+    ... ''')
+    >>> [(snapshot.time, round(snapshot.position[0, 2].item(), 5)) for snapshot in simulate(scene)]  # z = -g t²/2
+    [(0.0, 0.0), (0.05, -0.01226), (0.1, -0.04905)]
     """
     run = simulation_of(scene)
     for k in range(run.snapshots):

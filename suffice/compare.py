@@ -8,6 +8,7 @@ import numpy as np
 from selection.errors import InputError as UnfitIntervals
 from selection.intervals import Subset, candidates, dense_interval
 from selection.tradeoff import pareto_front
+from suffice.answers import Tradeoff
 from suffice.cases import Comparison, Criteria, Effort, Place, Table, add_case
 from suffice.choice import Limits, cheapest, check_limits
 from suffice.making import is_trained
@@ -40,7 +41,7 @@ def compare(
     seeds: int = 1,
     training_seconds: float | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> dict[str, Any]:
+) -> Tradeoff:
     """Train every surrogate at every Δτ and reconstruct the dense snapshots in between; plain types, ready for JSON.
 
     variables: names, default the components of position and velocity. intervals: Δτ in s, default ten to two dense
@@ -74,15 +75,15 @@ def compare(
         raise Refusal(f"nothing can be compared: {found.left_out[0]['reason']}")
     energies = {name: criteria.energy_of(name) for name in asked}
     settings = {"energy": criteria.energy_of(""), "energies": energies, "seed": seed, "seeds": seeds}
-    return {
-        "task": "between",
-        "kind": "time",
-        "dense_interval": dense_interval(run.times),
+    return Tradeoff(
+        task="between",
+        kind="time",
+        dense_interval=dense_interval(run.times),
         **settings,
-        "diameter": diameter,
+        diameter=diameter,
         **found._asdict(),
         **decided(found.rows, asked if limits.any else [], limits, diameter),
-    }
+    )
 
 
 def decided(rows: Table, variables: Iterable[str], limits: Limits, diameter: float | None) -> dict[str, Any]:

@@ -48,7 +48,7 @@ class Comparing(Settings):
 def compare_as_wished(run: Run, wish: Comparing, seed: int, reporter: Reporter) -> dict[str, Any]:
     """Compare surrogates, networks where wanted, observables, and what lies beyond the window; ready for JSON."""
     with reporter.stage("compare", "cases") as advance:
-        answer = compare(
+        answer: dict[str, Any] = compare(
             run,
             wish.variables,
             wish.intervals,

@@ -17,6 +17,7 @@ from suffice import layout
 from suffice.quantities import AXES, QUANTITIES, Grid, component_names
 from suffice.refusal import Refusal
 from suffice.rows import Variable
+from suffice.wording import number, seconds_text
 
 UNEVEN = 1e-3  # of the interval: how far times written with six digits may lie from an even spacing
 
@@ -40,6 +41,10 @@ class Run:
 
     `times` (snapshots,) in s, `ids` and `species` (n,), `radius` (n,) in m, NaN where unknown, `grid` of the fluid or
     None. Nothing outside the file is opened. Raises `Refusal` when it is no run, or a damaged one.
+
+    >>> with Run("run.h5") as run:
+    ...     run.n_particles, run.n_snapshots, run.interval, run.variable("position.x").shape
+    (24, 41, 0.001, (24, 41))
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -138,6 +143,33 @@ class Run:
         at = {name: layout.index_of(QUANTITIES[name], k, self.n_particles) for name in self._datasets}
         with _refusing_damage(self.path):
             return Snapshot(float(self.times[k]), {name: self._datasets[name][at[name]] for name in at})
+
+    def __repr__(self) -> str:
+        from pod.facts import (
+            facts_text,
+        )  # here, for `pod` brings torch, and a run is opened without it in a tenth of a second
+
+        return facts_text(f"run {self.path}", self._facts())
+
+    def _repr_html_(self) -> str:
+        from pod.facts import facts_html
+
+        return facts_html(f"run {self.path}", self._facts())
+
+    def _facts(self) -> dict[str, str]:
+        """Return what a reader wants to know first, all in memory: a closed run still tells."""
+        n, even = self.n_snapshots, self.n_snapshots < 2 or self.interval is not None
+        diameter = 2.0 * float(self.radius.mean()) if self.n_particles else math.nan
+        facts = {
+            "particles": str(self.n_particles),
+            "snapshots": f"{n}, from {self.times[0]:.6g} to {self.times[-1]:.6g} s" if n else "none",
+            "interval": seconds_text(self.interval) if even else "uneven",
+            "diameter": "unknown" if math.isnan(diameter) else f"{number(1e3 * diameter)} mm in the mean",
+            "variables": ", ".join(self.variables),
+        }
+        if self.grid is not None:
+            facts["fluid"] = f"{' × '.join(str(cells) for cells in reversed(self.grid.shape))} cells"
+        return facts
 
     def close(self) -> None:
         """Close the file; the variables taken from it can no longer be read."""

@@ -12,6 +12,7 @@ from pod import ALONE, Ranks, SnapshotMatrix
 from selection import InputError as UnfitIntervals
 from selection import Sweep, Thresholds, dense_interval, judge, square_root
 from selection.intervals import candidates
+from suffice.answers import Selection
 from suffice.products import read_products
 from suffice.progress import Advance
 from suffice.refusal import Refusal
@@ -74,17 +75,21 @@ def select_run(
     thresholds: Mapping[str, float] | None = None,
     progress: Advance | None = None,
     ranks: Ranks = ALONE,
-) -> dict[str, Sweep]:
+) -> Selection:
     """Judge every Δτ for every variable, in one pass over the rows of each stored quantity (paper 2.3).
 
     variables: names of the run, components or whole vectors, default the components of all but spins. intervals: Δτ in
     s, default ten to two dense intervals. Of several ranks each reads its own rows.
     Raises Refusal for unknown variables, for times or intervals that cannot be used, and values that are not finite.
+
+    >>> with Run("run.h5") as run:
+    ...     select_run(run, ["position.x"], intervals=[0.004, 0.002])["position.x"].chosen_interval
+    0.004
     """
     names = list(dict.fromkeys(variables)) if variables else default_variables(run)
     judged = judge_variables(run, names, intervals, thresholds, progress, ranks)
     found = {name: table for name, table, _ in judged}
-    return {name: found[name] for name in names}
+    return Selection({name: found[name] for name in names})
 
 
 def judge_variables(

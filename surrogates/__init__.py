@@ -9,8 +9,13 @@ conditions instead of time: `conditions` (the contract), `between_conditions`, `
 
 Coefficients are arrays (snapshots, modes), times seconds:
 
-    surrogate = SURROGATES["rbf"]().fit(times, coefficients)
-    between = surrogate.predict(other_times)
+    >>> times = [0.0, 0.1, 0.2, 0.3]
+    >>> coefficients = [[t**2, 1.0 - t] for t in times]
+    >>> surrogate = SURROGATES["spline"]().fit(times, coefficients)
+    >>> surrogate
+    Spline(), fitted from 0 to 0.3 s, every 0.1 s
+    >>> surrogate.predict([0.05, 0.25]).round(6).tolist()
+    [[0.0025, 0.95], [0.0625, 0.75]]
 """
 
 from collections.abc import Mapping

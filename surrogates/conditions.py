@@ -41,6 +41,12 @@ class ConditionSurrogate(ABC):
     def __init__(self, *, phase: bool = False, logarithmic: bool = False, seed: int = 0) -> None:
         self.phase, self.logarithmic, self.seed = phase, logarithmic, seed
 
+    def __repr__(self) -> str:
+        fitted = "not fitted"
+        if hasattr(self, "lowest_"):
+            fitted = f"fitted from {self.lowest_.tolist()} to {self.highest_.tolist()}"
+        return f"{type(self).__name__}(phase={self.phase}, logarithmic={self.logarithmic}, seed={self.seed}), {fitted}"
+
     def fit(self, conditions: ArrayLike, values: ArrayLike) -> Self:
         """Learn `values` (samples, modes) at `conditions` (samples, d), at two operating conditions or more.
 

@@ -40,6 +40,13 @@ class Surrogate(ABC):
     interval_: float  # s, mean training interval Δτ
     fit_seconds_: float  # wall time of `fit`; NaN in a loaded model, whose card has it
 
+    def __repr__(self) -> str:
+        settings = ", ".join(f"{name}={value!r}" for name, value in self.settings().items())
+        fitted = "not fitted"
+        if hasattr(self, "window_"):
+            fitted = f"fitted from {self.window_[0]:.6g} to {self.window_[1]:.6g} s, every {self.interval_:.6g} s"
+        return f"{type(self).__name__}({settings}), {fitted}"
+
     def fit(
         self,
         times: ArrayLike,

@@ -106,10 +106,14 @@ def test_python_of_the_readme_runs_and_predicts_what_it_says(capsys):
 
 
 @pytest.mark.physics
-def test_python_of_the_page_on_your_own_run_reads_a_run(tmp_path, monkeypatch, capsys):
+def test_python_of_the_page_on_your_own_run_reads_a_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    app(["simulate", "shaken_box", "--until", "0.02", "-o", "run.h5"], standalone_mode=False)
-    (code,) = blocks(TOP / "docs" / "your_own_run.md", "python")
-    capsys.readouterr()
-    exec(compile(code, "your_own_run.md", "exec"), {})
-    assert capsys.readouterr().out
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    app(["simulate", "shaken_box", "--until", "0.04", "-o", "run.h5"], standalone_mode=False)
+    names = {}
+    for code in blocks(TOP / "docs" / "your_own_run.md", "python"):
+        exec(compile(code, "your_own_run.md", "exec"), names)
+    names["run"].close()
+    assert names["table"].chosen_interval == names["found"]["position.z"].chosen_interval
+    assert names["basis"].ratio[-1] >= 0.999
+    assert {row["interval"] for row in names["costs"].front()} == {0.003}
