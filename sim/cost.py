@@ -8,6 +8,7 @@ import numpy as np
 
 from sim.kernel import threads_for
 from sim.near_walls import no_near_walls
+from sim.neighbors import Neighbors
 from sim.simulation import Simulation
 
 MEASURED_STEPS = 200
@@ -58,15 +59,21 @@ def step_cost(run: Simulation) -> StepCost:
 
 def _forces(run: Simulation) -> tuple[float, float]:
     """Seconds that pairs and walls take in one evaluation of the forces: what an empty list saves."""
-    near, listed = run.near, run.listed
+    near, listed, wrench = run.near, run.listed, run.wrench.copy()
     with threads_for(len(listed.chunks) - 1):
-        run.near, run.listed = no_near_walls(len(run.particles.radius)), listed._replace(last=listed.first)
+        run.near, run.listed = no_near_walls(len(run.particles.radius)), emptied(listed)
         nothing = _seconds(run._fill_starting_forces)
         run.listed = listed
         pairs = _seconds(run._fill_starting_forces)
         run.near = near
-        everything = _seconds(run._fill_starting_forces)  # last, so that the run goes on with its forces
+        everything = _seconds(run._fill_starting_forces)
+    run.wrench[:] = wrench  # each call has added to it
     return pairs - nothing, everything - pairs
+
+
+def emptied(listed: Neighbors) -> Neighbors:
+    """Return a list of pairs without its entries: those of a chunk go from its first to its last particle's."""
+    return listed._replace(last=np.repeat(listed.first[listed.chunks[:-1]], np.diff(listed.chunks)))
 
 
 def _seconds(call: Callable[[], Any]) -> float:

@@ -4,9 +4,11 @@ import json
 from math import pi, sqrt
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from sim import Simulation, parse_scene, scene_text
+from sim.cost import _forces, emptied
 from sim.filling import region_of
 from sim.impact import expected_speeds, overlaps_at, stiffness_for, surface_speed
 from suffice.store import Run
@@ -94,3 +96,18 @@ def test_a_simulation_without_a_file_to_write_is_refused(suffice):
 @pytest.fixture
 def in_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+
+
+def test_measuring_what_forces_cost_leaves_the_forces_as_they_are(scene_of):
+    # three beads in a row pressed into each other: the middle one feels nothing, the outer ones k δ outwards
+    row = {"diameter": D, "density": 2500.0, "position": [[0, 0, 0], [0.96 * D, 0, 0], [1.92 * D, 0, 0]]}
+    run = Simulation(scene_of(particles=[row], time={"duration": 1e-6, "step": 1e-7}, output={"interval": 1e-7}))
+    before = run.wrench.copy()
+    forces = np.sort(before[:, 0])
+    assert forces == pytest.approx(run.scene.contact.stiffness * 0.04 * D * np.array([-1.0, 0.0, 1.0]), rel=1e-9)
+    _forces(run)
+    np.testing.assert_array_equal(run.wrench, before)
+    # and without its entries a list gives no force, however its particles lie in chunks
+    run.listed, run.wrench[:] = emptied(run.listed), 0.0
+    run._fill_starting_forces()
+    assert not run.wrench.any()
