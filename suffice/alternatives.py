@@ -7,15 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pod import InputError as UnfitSnapshots
-from selection.errors import InputError as UnfitIntervals
-from selection.intervals import Subset, candidates
+from selection.intervals import Subset
 from suffice.compare import CONSISTENCY
 from suffice.condensed import Array, Condensed
 from suffice.derived import velocity_squares
 from suffice.making import is_trained, made
 from suffice.reconstruction import Case, Reduced, consistent_level, reduce
 from suffice.refusal import Refusal
-from suffice.run import Run
 from surrogates import SURROGATES, Surrogate
 
 LEVELS = 12  # numbers of modes tried, where each takes a fit of its own
@@ -41,21 +39,6 @@ class Alternatives(NamedTuple):
         which = self.interval == interval
         columns = {name: column[which] for name, column in self._asdict().items() if isinstance(column, np.ndarray)}
         return self._replace(**columns)
-
-
-def judged_subsets(run: Run, intervals: Sequence[float] | None) -> list[Subset]:
-    """Training and testing sets of every Δτ, coarse to fine. Raises Refusal where nothing is left to judge by."""
-    try:
-        subsets = candidates(run.times, intervals)
-    except UnfitIntervals as error:
-        raise Refusal(f"{run.path}: {error}") from None
-    for subset in subsets:
-        if len(subset.testing) == len(subset.training):
-            raise Refusal(
-                f"--interval: {subset.interval:g} s is the dense interval of {run.path}, which leaves no snapshot to "
-                f"judge by; take at least {2 * subset.interval:g} s"
-            )
-    return subsets
 
 
 def check_judged(surrogate: str) -> None:

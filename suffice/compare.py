@@ -69,7 +69,7 @@ def compare(
     check_limits(limits, {run.variable(name).unit for name in asked}, diameter)
     criteria, effort = Criteria(energy, CONSISTENCY, precisions), Effort(seed, seeds, training_seconds)
     _check(run, asked, criteria, effort)
-    subsets, found = _subsets(run, intervals), Comparison([], [], [])
+    subsets, found = subsets_between(run, intervals), Comparison([], [], [])
     _compare_all(found, run, (asked, subsets, names), (criteria, effort), progress)
     if not found.rows:
         raise Refusal(f"nothing can be compared: {found.left_out[0]['reason']}")
@@ -141,8 +141,8 @@ def known_surrogates(asked: Sequence[str] | None) -> list[str]:
     return list(dict.fromkeys(asked))
 
 
-def _subsets(run: Run, intervals: Sequence[float] | None) -> list[Subset]:
-    """Training and testing sets of every Δτ, coarse to fine."""
+def subsets_between(run: Run, intervals: Sequence[float] | None) -> list[Subset]:
+    """Training and testing sets of every Δτ, coarse to fine. Raises Refusal where one leaves nothing to predict."""
     try:
         subsets = candidates(run.times, intervals)
     except UnfitIntervals as error:

@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from suffice.alternatives import case_of, fitted, judged_subsets, reduced_case
+from suffice.alternatives import case_of, fitted, reduced_case
+from suffice.compare import subsets_between
 from suffice.condensed import Array, Condensed
 from suffice.reconstruction import Case, Reduced
 from suffice.run import Run
@@ -56,7 +57,7 @@ def _apart(run: Run, pairs: Sequence[tuple[Array, Array]], rows: int) -> float |
 
 
 def _decomposed(run: Run, data: Condensed, interval: float) -> tuple[Case, Reduced]:
-    (subset,) = judged_subsets(run, [interval])
+    (subset,) = subsets_between(run, [interval])
     case = case_of(data, run.times, subset)
     return case, reduced_case(data, case, thresholds_of(data.variable).energy)
 

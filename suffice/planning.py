@@ -6,8 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from selection.allocation import Allocation, allocate
-from suffice.alternatives import Alternatives, alternatives, check_judged, judged_subsets
+from suffice.alternatives import Alternatives, alternatives, check_judged
 from suffice.choice import DIAMETERS, parse_error
+from suffice.compare import subsets_between
 from suffice.condensed import Array, condense
 from suffice.progress import Advance
 from suffice.quantities import velocity_of, whole_of
@@ -141,7 +142,7 @@ def judged_tables(
 ) -> list[Alternatives]:
     """Return what every Δτ and number of modes costs each variable, from one pass over its rows."""
     found: list[Alternatives] = []
-    subsets = judged_subsets(run, wanted.intervals)
+    subsets = subsets_between(run, wanted.intervals)
     changed = {} if wanted.energy is None else {"energy": wanted.energy}
     for name in trained:
         if progress:

@@ -10,8 +10,8 @@ from suffice.alternatives import (
     Alternatives,
     alternatives,
     check_judged,
-    judged_subsets,
 )
+from suffice.compare import subsets_between
 from suffice.condensed import Array, Condensed, condense
 from suffice.contradiction import Known, contradiction, contradiction_of_truth
 from suffice.planning import derived_velocities, parse_limits
@@ -102,7 +102,7 @@ def _study(
     known = (*run.quantities, *run.variables)
     chosen = surrogate or ("hermite" if any(velocity_of(name) in known for name in names) else FALLBACK)
     check_judged(chosen)
-    subsets = judged_subsets(run, intervals)
+    subsets = subsets_between(run, intervals)
     derived = derived_velocities(names, chosen)
     data: dict[str, Condensed] = {}
     tables: dict[str, Alternatives] = {}

@@ -298,7 +298,7 @@ def test_the_rule_gives_each_variable_the_interval_that_select_chooses(two_speed
         (("--surrogate", "hermite", "--max-error", "0.05d", "--finest"), "give one of them"),
         (("--surrogate", "hermite", "--modes", "3"), "each variable gets its own number"),
         (("--surrogate", "mlp", "--max-error", "0.05d"), "is not known without training it; use rbf"),
-        (("--surrogate", "hermite", "--max-error", "0.05d", "--interval", "0.001"), "leaves no snapshot to judge by"),
+        (("--surrogate", "hermite", "--max-error", "0.05d", "--interval", "0.001"), "leaves no snapshot to predict"),
         (("--surrogate", "hermite", "--variable", "position", "--variable", "position.x"), "give one of them"),
         (("--surrogate", "hermite", "--variable", "position.w"), "has no variable 'position.w'"),
         (("--surrogate", "hermite", "--resume", "--finest"), "--resume: no training stands in"),

@@ -170,7 +170,7 @@ def test_the_command_prints_tables_and_writes_json(path, tmp_path, suffice):
         (("--surrogate", "lstm"), "is not known without training it"),
         (("--surrogate", "spline", "--surrogate", "rbf"), "takes one --surrogate"),
         (("--interval", "0.0015"), "multiple"),
-        (("--interval", "0.001"), "leaves no snapshot to judge by"),
+        (("--interval", "0.001"), "leaves no snapshot to predict"),
     ],
 )
 def test_questions_without_an_answer_are_refused(path, suffice, options, says):
