@@ -16,7 +16,7 @@ from selection.forecast import Forecast, Foreseen, Growth, check_duration, forec
 from selection.gram import ArraySnapshots, InnerProducts, Snapshots, inner_products, square_root
 from selection.intervals import default_intervals, dense_interval
 from selection.resolution import interpolated, promise_ratio, resolution_ratio, spline_errors
-from selection.sweep import Sweep, judge, sweep
+from selection.sweep import Sweep, judge, sufficient_intervals, sweep
 
 __all__ = [
     "Allocation",
@@ -55,6 +55,7 @@ __all__ = [
     "resolution_ratio",
     "spline_errors",
     "square_root",
+    "sufficient_intervals",
     "sweep",
     "without_truth",
 ]

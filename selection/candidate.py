@@ -123,6 +123,24 @@ def judged(
     )
 
 
+def suffices(subset: Subset, known: Routes, factor: Callable[[], Array] | None, limits: Thresholds) -> bool:
+    """Tell whether `judged` would call one Δτ sufficient if there were no groups; no more is looked at than that takes.
+
+    The spline of R_a takes longer than the projection, and most Δτ fall short in K_f before.
+    """
+    projection, curves, blurred = _project(subset, known, factor, limits.consistency)
+    m = len(subset.training)
+    n_lr = least_reconstructable_mode(projection.eigenvalues, limits.energy)
+    crossing = consistent_mode(curves.R_c, limits.consistency)
+    unseen = len(subset.testing) - m
+    K_f = feasibility_index(crossing.n_c, n_lr) if unseen else None
+    if K_f is None or K_f < limits.feasibility:
+        return False
+    R_a = resolution_ratio(interpolated(projection, crossing.n_c), crossing.n_c)
+    evidence = Evidence(m, unseen, n_lr, crossing, K_f, None, R_a, resampled=True, blurred=blurred)
+    return verdict(evidence, limits).verdict == "sufficient"
+
+
 class _Found(NamedTuple):
     """Projection of one Δτ, its errors, and whether rounding in R_c may move n_c."""
 
@@ -149,4 +167,4 @@ def _blurred(projection: Projection, curves: Consistency, limit: float) -> bool:
     """Tell whether the rounding in R_c, or a mode whose direction is not known, may move n_c."""
     error = MARGIN * curves.predicted_error * curves.R_c
     least, most = (consistent_mode(curves.R_c + sign * error, limit).n_c for sign in (-1.0, 1.0))
-    return least != most or most + 1 > modes_known(projection)
+    return bool(least != most or most + 1 > modes_known(projection))

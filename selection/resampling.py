@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from selection.consistency import consistency, modes_known
+from selection.consistency import modes_known, predicted_error, projection_errors
 from selection.feasibility import Crossing, Thresholds, consistent_mode
 from selection.intervals import Subset
 from selection.routes import Routes, project_without
@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 CONFIDENCE = 0.95  # two-sided, of the spread alone
 WORTH_THREADS = 200  # training snapshots; below it threads wait for the interpreter longer than they compute
 ACCURACY = 1e-4  # error of R_c above which its crossing, as a real number, is no longer known from inner products
+STACK = 2**16  # inner products that are worked on at once: small matrices cost calls, large ones cache
 MORE = 1.25  # times the modes up to the crossing: how many are looked at first without a group
 
 
@@ -44,29 +45,33 @@ def half_width_of_feasibility(known: Routes, subset: Subset, limits: Thresholds,
     """
     if known.products.groups is None:
         return None
-    k, leading = len(known.products.groups), math.ceil(MORE * n_c) + 10
-    each = shared if len(subset.training) >= WORTH_THREADS else map
-    first = _index_without(known, 0, subset, limits, leading)
-    if first is None:
-        return None
-    others = each(lambda g: _index_without(known, g, subset, limits, leading), range(1, k))
-    without = [first, *(index for index in others if index is not None)]
-    if len(without) < k:
-        return None
+    m, k, leading = len(subset.training), len(known.products.groups), math.ceil(MORE * n_c) + 10
+    step = max(STACK // (m * len(subset.testing)), 1)
+    first, *others = (slice(g, min(g + step, k)) for g in range(0, k, step))
+    without = _indices_without(known, first, subset, limits, leading)
+    if others and np.isfinite(without).all():
+        each = shared if m >= WORTH_THREADS else map
+        rest = each(lambda some: _indices_without(known, some, subset, limits, leading), others)
+        without = np.concatenate([without, *rest])
     width = float(np.std(without) * math.sqrt(k - 1) * stdtrit(k - 1, 0.5 + CONFIDENCE / 2))
     return width if math.isfinite(width) else None
 
 
-def _index_without(known: Routes, g: int, subset: Subset, limits: Thresholds, leading: int | None) -> float | None:
-    """θ_g, from the leading modes alone if R_c crosses its limit among them."""
-    projection = project_without(known, g, subset, leading)
+def _indices_without(known: Routes, groups: slice, subset: Subset, limits: Thresholds, leading: int | None) -> Array:
+    """θ_g of some groups, from the leading modes alone if R_c crosses its limit among them; NaN where none is known."""
+    projection = project_without(known, groups, subset, leading)
     last, rows = len(subset.testing), known.products.rows
-    motion = math.sqrt(known.squares_without(g)[:last].mean() / rows)
-    curves = consistency(projection, rows, motion, exact=False)
-    crossing = consistent_mode(curves.R_c, limits.consistency)
-    if not crossing.exceeded:
-        return None if leading is None else _index_without(known, g, subset, limits, None)
-    beyond = crossing.n_c + 1
-    if curves.predicted_error[beyond] > ACCURACY or beyond > modes_known(projection):
-        return None
-    return smooth_index(projection.eigenvalues, crossing, limits.energy)
+    error, train, counts = projection_errors(projection, rows)
+    test, certain = error.mean(axis=-2), modes_known(projection)
+    motion = np.sqrt(known.squares_without(groups)[:, :last].mean(axis=-1) / rows)
+    found = np.full(len(counts), np.nan)
+    for g, count in enumerate(counts):
+        crossing = consistent_mode(test[g, :count] / train[g, :count], limits.consistency)
+        beyond = crossing.n_c + 1
+        if not crossing.exceeded:
+            if leading is not None:
+                alone = slice(groups.start + g, groups.start + g + 1)
+                found[g] = _indices_without(known, alone, subset, limits, None)[0]
+        elif beyond <= certain[g] and predicted_error(train[g, beyond], motion[g], exact=False) <= ACCURACY:
+            found[g] = smooth_index(projection.eigenvalues[g], crossing, limits.energy)
+    return found

@@ -19,12 +19,13 @@ class Routes(NamedTuple):
 
     products: InnerProducts
     factor: Array | None  # (r, N_t) F with FᵀF = gram, None where r is not small
-    without: list[Array] | None  # the same of each group of particles left out
+    without: Array | None  # (k, r, N_t) the same of each group of particles left out, with rows of zero at the end
 
-    def squares_without(self, group: int) -> Array:
-        """Squared norms of the snapshots without one group of particles, (N_t,)."""
-        gram, groups, _ = self.products
-        return gram.diagonal() if groups is None else gram.diagonal() - groups[group].diagonal()
+    def squares_without(self, groups: slice) -> Array:
+        """Squared norms of the snapshots without one group of particles, for some groups, (k, N_t)."""
+        gram, parts, _ = self.products
+        assert parts is not None
+        return np.asarray(gram.diagonal() - np.einsum("gtt->gt", parts[groups]))
 
 
 def routes(products: InnerProducts) -> Routes:
@@ -34,7 +35,10 @@ def routes(products: InnerProducts) -> Routes:
         return Routes(products, factor, None)
     without = [low_rank_factor(products.gram - part) for part in products.groups]
     few = [found for found in without if found is not None]
-    return Routes(products, factor, few if len(few) == len(without) else None)
+    if len(few) < len(without):
+        return Routes(products, factor, None)
+    most = max(map(len, few))
+    return Routes(products, factor, np.stack([np.pad(found, ((0, most - len(found)), (0, 0))) for found in few]))
 
 
 def low_rank_factor(gram: Array) -> Array | None:
@@ -60,13 +64,12 @@ def project(known: Routes, subset: Subset) -> Projection:
     return project_from_products(gram[:last, training], gram.diagonal()[:last], training)
 
 
-def project_without(known: Routes, group: int, subset: Subset, leading: int | None) -> Projection:
-    """Project likewise without one group of particles, on the leading modes alone if they are enough."""
-    last, training, (gram, groups, _) = len(subset.testing), subset.training, known.products
-    if known.without is not None and len(known.without[group]) < len(training):
-        return project_from_low_rank(known.without[group][:, :last], training)
-    assert groups is not None
-    part = groups[group]
+def project_without(known: Routes, groups: slice, subset: Subset, leading: int | None) -> Projection:
+    """Project likewise without one group of particles, for some groups at once, on the leading modes if they do."""
+    last, training, (gram, parts, _) = len(subset.testing), subset.training, known.products
+    if known.without is not None and known.without.shape[1] < len(training):
+        return project_from_low_rank(known.without[groups, :, :last], training)
+    assert parts is not None
     every = slice(0, last, int(training[1] - training[0]))  # a view is subtracted faster than gathered
-    products = gram[:last, every] - part[:last, every]
-    return project_from_products(products, known.squares_without(group)[:last], training, leading)
+    products = gram[:last, every] - parts[groups, :last, every]
+    return project_from_products(products, known.squares_without(groups)[:, :last], training, leading)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from selection import Sweep, default_intervals, dense_interval, sweep
+from selection import Sweep, default_intervals, dense_interval, sufficient_intervals, sweep
 from selection.feasibility import FEWEST_SNAPSHOTS
 from selection.growing import GrowingSnapshots
 from selection.settled import Settling, checks
@@ -77,7 +77,7 @@ class InSitu:
             name: GrowingSnapshots(r.rows, most, r.rows_per_particle, dtype, GROUPS) for name, r in variables.items()
         }
         self.settling = {name: Settling() for name in variables}
-        self.table: dict[str, Sweep] = {}  # of the last check
+        self.table: dict[str, Sweep] = {}  # complete, of the last check that asked for it
         self.suffices = False
         self.seconds = 0.0  # that watching took
 
@@ -93,19 +93,25 @@ class InSitu:
 
     def _check(self) -> None:
         n, last = len(self.times), len(self.times) == self.most
-        self.table = self._sweeps(GROUPS) if last else self._sweeps(None, _decidable(self.times))
-        for name, found in self.table.items():
-            self.settling[name].note(n, sufficient_strides(found))
-        if all(settling.settled(n) for settling in self.settling.values()):
-            self.table = self.table if last else self._sweeps(GROUPS)
-            self.suffices = all(self.settled_interval(name) is not None for name in self.variables)
-
-    def _sweeps(self, groups: int | None, intervals: Sequence[float] | None = None) -> dict[str, Sweep]:
         with alone():
-            return {
-                name: sweep(rows, self.times, intervals, thresholds_of(name), groups)
-                for name, rows in self.snapshots.items()
-            }
+            if last:
+                self.table = self._sweeps()
+            for name, settling in self.settling.items():
+                settling.note(n, sufficient_strides(self.table[name]) if last else self._sufficient(name))
+            if all(settling.settled(n) for settling in self.settling.values()):
+                self.table = self.table if last else self._sweeps()
+                self.suffices = all(self.settled_interval(name) is not None for name in self.variables)
+
+    def _sweeps(self) -> dict[str, Sweep]:
+        return {
+            name: sweep(rows, self.times, None, thresholds_of(name), GROUPS) for name, rows in self.snapshots.items()
+        }
+
+    def _sufficient(self, variable: str) -> list[int]:
+        """Return the Δτ that are sufficient now but for the interval of K_f, in dense intervals."""
+        rows, dense = self.snapshots[variable], dense_interval(self.times)
+        found = sufficient_intervals(rows, self.times, _decidable(self.times), thresholds_of(variable))
+        return [round(interval / dense) for interval in found]
 
     def settled_interval(self, variable: str) -> float | None:
         """Return the largest Δτ (s) that has settled and is sufficient at the last check, None where there is none."""
