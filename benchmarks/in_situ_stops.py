@@ -35,13 +35,9 @@ def history(run, variable):
 
 def stop(seen, held):
     """Snapshots at which the run would have ended and the Δτ in dense intervals; None where it would not."""
-    settling = Settling()
-    for n, strides in seen:
-        settling.note(n, strides)
-        settled = [stride for stride, first in settling.since.items() if n >= held * first]
-        if settled:
-            return n, max(settled)
-    return None
+    strides = dict(seen)
+    settling = Settling(list(strides), lambda stride, n: stride in strides[n], held)
+    return next(((n, s) for n in strides for s in strides[n] if settling.settled(s, n)), None)
 
 
 def main():

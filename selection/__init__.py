@@ -16,7 +16,7 @@ from selection.forecast import Forecast, Foreseen, Growth, check_duration, forec
 from selection.gram import ArraySnapshots, InnerProducts, Snapshots, inner_products, square_root
 from selection.intervals import default_intervals, dense_interval
 from selection.resolution import interpolated, promise_ratio, resolution_ratio, spline_errors
-from selection.sweep import Sweep, judge, sufficient_intervals, sweep
+from selection.sweep import Sweep, is_sufficient, judge, sweep
 
 __all__ = [
     "Allocation",
@@ -47,6 +47,7 @@ __all__ = [
     "inner_products",
     "interpolated",
     "intervals_without_truth",
+    "is_sufficient",
     "judge",
     "least_reconstructable_mode",
     "project_from_factor",
@@ -55,7 +56,6 @@ __all__ = [
     "resolution_ratio",
     "spline_errors",
     "square_root",
-    "sufficient_intervals",
     "sweep",
     "without_truth",
 ]

@@ -1,6 +1,7 @@
 """Snapshots that arrive one by one, and their inner products so far."""
 
 from collections.abc import Iterator
+from copy import copy
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -52,6 +53,13 @@ class GrowingSnapshots:
             raise InputError(f"W: there is room for {self._n} snapshots; make room for more")
         self._columns[self._n] = values[self._order]
         self._n += 1
+
+    def first(self, n: int) -> "GrowingSnapshots":
+        """Return the first n of these snapshots as they were: nothing is copied, and products are not formed anew."""
+        self._grow()
+        some = copy(self)
+        some._n = some._known = n
+        return some
 
     def gram(self) -> Array:
         """Return (W - w₀)ᵀ(W - w₀), (n, n)."""

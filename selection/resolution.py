@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import make_interp_spline
 
 from selection.consistency import Projection, squared_errors, unseen_times
 
@@ -28,7 +28,9 @@ def interpolated(projection: Projection, k: int) -> Interpolated | None:
         return None
     tail, missed = squared_errors(projection), np.zeros((len(unseen), k + 1))
     if k:
-        np.square(c[unseen, :k] - CubicSpline(training, c[training, :k])(unseen)).cumsum(axis=1, out=missed[:, 1:])
+        # of lower degree through fewer than four
+        spline = make_interp_spline(training, c[training, :k], min(3, len(training) - 1))
+        np.square(c[unseen, :k] - spline(unseen)).cumsum(axis=1, out=missed[:, 1:])
     return Interpolated(tail[unseen], missed, tail[training])
 
 

@@ -1,13 +1,15 @@
 """When a verdict on a growing run has settled: at which snapshots it is asked, and for how long it must have held."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Sequence
+from functools import cache
 from math import ceil
 
 from selection.feasibility import FEWEST_SNAPSHOTS
 
+COARSEST_STRIDE = 10  # dense intervals: the longest Δτ of the default scan
 FINEST_STRIDE = 2  # dense intervals: the shortest Δτ of the default scan
 FIRST_CHECK = FINEST_STRIDE * FEWEST_SNAPSHOTS  # snapshots; before it every verdict is undecidable
-GROWTH = 1.1  # from one check to the next, so that all of them cost about four times the last one
+GROWTH = 1.1  # from one check to the next
 HELD = 2.0  # times the snapshots at which a Δτ was first found sufficient
 
 
@@ -24,19 +26,43 @@ def checks(most: int) -> list[int]:
 
 
 class Settling:
-    """Since when each Δτ of a variable has been sufficient without a break.
+    """Which Δτ of a variable have been sufficient for long enough without a break, and since when.
 
     A Δτ has settled once it was sufficient at every check while the number of snapshots doubled: K_f of a short window
     is a ratio of a few modes, and one more of either may lift it over its limit for a while.
+
+    It is found by looking back from the check that asks, and only as far as the last failure. A Δτ that failed at a
+    check is not looked at again before twice the next one, because it cannot have settled earlier.
+    counts: `checks` of the run; sufficient(stride, n): whether Δτ, in dense intervals, is so in the first n snapshots.
     """
 
-    def __init__(self, since: dict[int, int] | None = None) -> None:
-        self.since = dict(since or {})  # stride in dense intervals: snapshots at the first check of its unbroken series
+    def __init__(self, counts: Sequence[int], sufficient: Callable[[int, int], bool], held: float = HELD) -> None:
+        self.counts, self.held, self._sufficient = counts, held, cache(sufficient)
+        self._failed: set[tuple[int, int]] = set()  # stride, and a check at which it is known to have failed
 
-    def note(self, n_snapshots: int, sufficient: Iterable[int]) -> None:
-        """Note which strides (dense intervals) are sufficient at a check."""
-        self.since = {stride: self.since.get(stride, n_snapshots) for stride in sufficient}
+    def any_settled(self, n: int) -> bool:
+        """Tell whether any Δτ has settled by a check."""
+        return any(self.settled(stride, n) for stride in range(COARSEST_STRIDE, FINEST_STRIDE - 1, -1))
 
-    def settled(self, n_snapshots: int) -> list[int]:
-        """Return the strides that have settled by now, coarse to fine."""
-        return sorted((s for s, first in self.since.items() if n_snapshots >= HELD * first), reverse=True)
+    def settled(self, stride: int, n: int) -> bool:
+        """Tell whether a Δτ has settled by a check."""
+        first = max((c for c in self.counts if self.held * c <= n), default=None)
+        asked = [] if first is None else [c for c in self._back_from(n) if c >= first]
+        if not asked or any((stride, c) in self._failed for c in asked):
+            return False
+        failed = next((c for c in asked if not self._sufficient(stride, c)), None)
+        if failed is not None:
+            self._failed.add((stride, failed))
+        return failed is None
+
+    def since(self, stride: int, n: int) -> int | None:
+        """Return the first check of the unbroken series in which a Δτ is sufficient up to n; None if it is not at n."""
+        first = None
+        for c in self._back_from(n):
+            if not self._sufficient(stride, c):
+                break
+            first = c
+        return first
+
+    def _back_from(self, n: int) -> list[int]:
+        return [c for c in reversed(self.counts) if c <= n]

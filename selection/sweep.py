@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -98,19 +98,17 @@ def sweep(
     return judge(products, times, intervals, thresholds, lambda: square_root(snapshots, products.gram), scarce=scarce)
 
 
-def sufficient_intervals(
-    W: Any, times: ArrayLike, intervals: Sequence[float], thresholds: Thresholds | None = None
-) -> list[float]:
-    """Those Δτ (s), coarse to fine, that `sweep` without groups calls sufficient by our verdict, in less time.
+def is_sufficient(W: Any, times: ArrayLike, interval: float, thresholds: Thresholds | None = None) -> bool:
+    """Tell whether `sweep` without groups would call a Δτ (s) sufficient by our verdict, in less time.
 
-    Arguments and errors as there.
+    Other arguments and errors as there.
     """
-    snapshots, limits = as_snapshots(W), thresholds or Thresholds()
-    subsets = candidates(times, intervals)
+    snapshots = as_snapshots(W)
+    (subset,) = candidates(times, [interval])
     products = inner_products(snapshots, None)
     _check(products, np.size(np.asarray(times)))
-    known, factor = routes(products), cache(lambda: square_root(snapshots, products.gram))
-    return [subset.interval for subset in subsets if suffices(subset, known, factor, limits)]
+    factor = partial(square_root, snapshots, products.gram)
+    return suffices(subset, routes(products), factor, thresholds or Thresholds())
 
 
 def judge(

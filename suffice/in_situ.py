@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from math import prod
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -9,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from selection import Sweep, default_intervals, dense_interval, sufficient_intervals, sweep
+from selection import Sweep, dense_interval, is_sufficient, sweep
 from selection.feasibility import FEWEST_SNAPSHOTS
 from selection.growing import GrowingSnapshots
 from selection.settled import Settling, checks
@@ -21,7 +22,6 @@ from suffice.wording import bytes_text, number, seconds_text
 
 Array = NDArray[np.float64]
 GROUPS = 10  # of particles, for the interval of K_f: as many as `select` makes
-STRIDES = 10  # the coarsest Δτ of the default scan, in dense intervals
 REMEDY = "go on longer or watch finer"
 MEMORY_SHARE = 0.8  # of the memory that is free
 
@@ -61,9 +61,9 @@ class InSitu:
 
     Snapshots are held in memory, in stored precision, and judged at numbers of them that grow by a tenth; between these
     checks nothing but a copy is made. The verdict is that of `suffice select` on a file that holds the same snapshots,
-    but for the interval of K_f, which costs ten times the rest: it is left out until a Δτ has settled for every
-    variable (see selection/settled.py). Then the run ends if that holds with the interval too. At its end nothing is
-    left out.
+    but of a Δτ it is looked at only where it can have settled (see selection/settled.py), and without the interval of
+    K_f. Where one has settled for every variable all is judged with that interval, and the run ends if it still holds.
+    At its end nothing is left out.
     most: snapshots at the end of the run. Raises Refusal where all of them do not fit into memory.
     """
 
@@ -76,7 +76,7 @@ class InSitu:
         self.snapshots = {
             name: GrowingSnapshots(r.rows, most, r.rows_per_particle, dtype, GROUPS) for name, r in variables.items()
         }
-        self.settling = {name: Settling() for name in variables}
+        self.settling = {name: Settling(self.checks, partial(self._sufficient, name)) for name in variables}
         self.table: dict[str, Sweep] = {}  # complete, of the last check that asked for it
         self.suffices = False
         self.seconds = 0.0  # that watching took
@@ -84,69 +84,52 @@ class InSitu:
     def see(self, time: float, values: Mapping[str, ArrayLike]) -> None:
         """Take a snapshot at a time (s), and judge the run if a check is due."""
         began = perf_counter()
-        self.times.append(time)
-        for name, rows in self.variables.items():
-            self.snapshots[name].append(rows.of(values))
-        if len(self.times) in self.checks:
-            self._check()
+        self._take(time, {name: rows.of(values) for name, rows in self.variables.items()})
         self.seconds += perf_counter() - began
 
+    def _take(self, time: float, columns: Mapping[str, ArrayLike]) -> None:
+        self.times.append(time)
+        for name, snapshots in self.snapshots.items():
+            snapshots.append(columns[name])
+        if len(self.times) in self.checks:
+            self._check()
+
     def _check(self) -> None:
-        n, last = len(self.times), len(self.times) == self.most
-        with alone():
-            if last:
-                self.table = self._sweeps()
-            for name, settling in self.settling.items():
-                settling.note(n, sufficient_strides(self.table[name]) if last else self._sufficient(name))
-            if all(settling.settled(n) for settling in self.settling.values()):
-                self.table = self.table if last else self._sweeps()
-                self.suffices = all(self.settled_interval(name) is not None for name in self.variables)
+        n = len(self.times)
+        if n == self.most or all(settling.any_settled(n) for settling in self.settling.values()):
+            self.table = self._sweeps()
+            self.suffices = all(self.settled_interval(name) is not None for name in self.variables)
 
     def _sweeps(self) -> dict[str, Sweep]:
-        return {
-            name: sweep(rows, self.times, None, thresholds_of(name), GROUPS) for name, rows in self.snapshots.items()
-        }
+        with alone():
+            return {
+                name: sweep(snapshots, self.times, None, thresholds_of(name), GROUPS)
+                for name, snapshots in self.snapshots.items()
+            }
 
-    def _sufficient(self, variable: str) -> list[int]:
-        """Return the Δτ that are sufficient now but for the interval of K_f, in dense intervals."""
-        rows, dense = self.snapshots[variable], dense_interval(self.times)
-        found = sufficient_intervals(rows, self.times, _decidable(self.times), thresholds_of(variable))
-        return [round(interval / dense) for interval in found]
+    def _sufficient(self, variable: str, stride: int, n: int) -> bool:
+        """Tell whether Δτ, in dense intervals, is sufficient in the first n snapshots but for the interval of K_f."""
+        if n <= stride * (FEWEST_SNAPSHOTS - 1):
+            return False  # too few are kept, whatever they say
+        times = self.times[:n]
+        with alone():
+            snapshots = self.snapshots[variable].first(n)
+            return is_sufficient(snapshots, times, stride * dense_interval(times), thresholds_of(variable))
 
     def settled_interval(self, variable: str) -> float | None:
         """Return the largest Δτ (s) that has settled and is sufficient at the last check, None where there is none."""
-        found, settled = self.table[variable], self.settling[variable].settled(len(self.times))
-        strides = [stride for stride in sufficient_strides(found) if stride in settled]
-        return float(f"{max(strides) * found.dense_interval:.12g}") if strides else None
+        found, settling = self.table[variable], self.settling[variable]
+        coarse_to_fine = (s for s in sufficient_strides(found) if settling.settled(s, len(self.times)))
+        stride = next(coarse_to_fine, None)
+        return None if stride is None else float(f"{stride * found.dense_interval:.12g}")
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return what cannot be had again from the snapshots alone: since when each Δτ has been sufficient."""
-        since = np.zeros((len(self.variables), STRIDES + 1), np.int64)
-        for k, settling in enumerate(self.settling.values()):
-            for stride, first in settling.since.items():
-                since[k, stride] = first
-        return {"in_situ.since": since}
-
-    def restore_(
-        self, state: Mapping[str, NDArray[Any]], times: Iterable[float], history: Iterable[Mapping[str, NDArray[Any]]]
-    ) -> None:
+    def restore_(self, times: Iterable[float], history: Iterable[Mapping[str, NDArray[Any]]]) -> None:
         """Take the snapshots before an interruption again: at each time (s) the columns (rows,) by variable.
 
-        Inner products are formed at the same checks as before, so that they have the same bits. Raises KeyError where
-        the state is of another kind of run.
+        Every check is made again, so that inner products are formed at the same moments and have the same bits.
         """
-        since = state["in_situ.since"]
         for time, columns in zip(times, history, strict=True):
-            self.times.append(float(time))
-            for name, rows in self.snapshots.items():
-                rows.append(columns[name])
-            if len(self.times) in self.checks:
-                for rows in self.snapshots.values():
-                    rows.gram_groups(GROUPS)
-        for name, firsts in zip(self.variables, since, strict=True):
-            self.settling[name] = Settling({stride: int(n) for stride, n in enumerate(firsts) if n})
-        if len(self.times) in self.checks:  # what it found is not in the state; it changes nothing there
-            self._check()
+            self._take(float(time), columns)
 
     def verdict(self) -> dict[str, Any]:
         """Return the last check in plain types, as `select --json` has it, with what it means for the run."""
@@ -178,14 +161,14 @@ class InSitu:
         if interval is not None:
             stride = round(interval / found.dense_interval)
             at = next(c for c in found.candidates if round(c.interval / found.dense_interval) == stride)
-            n = settling.since[stride]
+            n = settling.since(stride, len(self.times))
             return (
                 f"{name}: Δτ = {seconds_text(interval)} suffices, {_index(at)}, as at every check since {n} snapshots"
             )
         best = max(found.candidates, key=lambda c: (c.verdict == "sufficient", c.K_f or 0.0, -c.interval))
         place = f"{seconds_text(best.interval)}, {_index(best)}"
         if best.verdict == "sufficient":
-            since = settling.since[round(best.interval / found.dense_interval)]
+            since = settling.since(round(best.interval / found.dense_interval), len(self.times))
             return f"{name}: {place} suffices, but only since {since} of {len(self.times)} snapshots; go on longer"
         because = "; ".join(best.reasons)
         return f"{name}: not sufficient at any Δτ; the best, {place}, is {best.verdict}: {because}; {REMEDY}"
@@ -201,13 +184,6 @@ def _index(candidate: Any) -> str:
 def sufficient_strides(found: Sweep) -> list[int]:
     """Return the Δτ that are sufficient by our verdict, in dense intervals, coarse to fine."""
     return [round(c.interval / found.dense_interval) for c in found.candidates if c.verdict == "sufficient"]
-
-
-def _decidable(times: Sequence[float]) -> list[float]:
-    """Δτ of the default scan (s) that keep enough snapshots for a verdict; the finest whatever it keeps."""
-    *coarse, finest = default_intervals(times)
-    longest = (len(times) - 1) * dense_interval(times) / (FEWEST_SNAPSHOTS - 1)
-    return [*(interval for interval in coarse if interval <= longest * (1 + 1e-9)), finest]
 
 
 def check_memory(needed: int, snapshots: int) -> None:

@@ -132,9 +132,8 @@ class Recorder:
     def state(self) -> dict[str, NDArray[Any]]:
         """Return all that a run needs to go on bitwise, beside its file."""
         self.writer.sync()
-        parts = [part.state() for part in (self.watch, self.thinning) if part is not None]
-        state = state_of(self.simulation) | {"record.seen": np.asarray(self.seen)}
-        return {name: rows for part in (state, *parts) for name, rows in part.items()}
+        thinning = {} if self.thinning is None else self.thinning.state()
+        return state_of(self.simulation) | {"record.seen": np.asarray(self.seen)} | thinning
 
     @classmethod
     def resume(
@@ -148,7 +147,7 @@ class Recorder:
             if watch is not None:
                 with Run(path) as past:
                     times = past.times if tolerance is None else past.watched(layout.WATCHED_TIME)
-                    watch.restore_(state, times[:seen], _history(past, watch, seen, thinned=tolerance is not None))
+                    watch.restore_(times[:seen], _history(past, watch, seen, thinned=tolerance is not None))
             self = cls(simulation, RunWriter.resume(path, kept), watch, tolerance)
             if self.thinning is not None:
                 self.thinning.restore_(state)

@@ -71,11 +71,21 @@ def test_checks_grow_by_a_tenth_and_end_with_the_run():
 
 
 def test_an_interval_settles_when_snapshots_have_doubled_without_a_break():
-    settling = Settling()
-    for n, sufficient in ((20, [2]), (22, [2]), (24, []), (26, [2]), (40, [3, 2]), (51, [3, 2])):
-        settling.note(n, sufficient)
-        assert settling.settled(n) == []
-    settling.note(52, [3, 2])
-    assert settling.settled(52) == [2]
-    settling.note(80, [3])
-    assert settling.settled(80) == [3]
+    sufficient = {20: [2], 22: [2], 24: [], 26: [2], 40: [3, 2], 51: [3, 2], 52: [3, 2], 80: [3]}
+    settling = Settling(list(sufficient), lambda stride, n: stride in sufficient[n])
+    settled = {n: [stride for stride in (4, 3, 2) if settling.settled(stride, n)] for n in sufficient}
+    assert settled == {20: [], 22: [], 24: [], 26: [], 40: [], 51: [], 52: [2], 80: [3]}
+    assert [n for n in sufficient if settling.any_settled(n)] == [52, 80]
+    assert [settling.since(stride, 52) for stride in (4, 3, 2)] == [None, 40, 26]
+
+
+def test_no_verdict_is_asked_for_that_cannot_end_the_run():
+    counts, rng, asked = checks(800), np.random.default_rng(6), []
+    good = {(stride, n): rng.random() < 0.7 for stride in range(2, 11) for n in counts}
+    settling = Settling(counts, lambda stride, n: asked.append((stride, n)) or good[stride, n])
+    for n in counts:
+        for stride in range(10, 1, -1):
+            broken = [c for c in counts if c <= n and not good[stride, c]]
+            unbroken = [c for c in counts if max(broken, default=0) < c <= n]
+            assert settling.settled(stride, n) == (bool(unbroken) and n >= 2 * unbroken[0])
+    assert len(asked) == len(set(asked)) < len(good) / 2
