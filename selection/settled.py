@@ -32,7 +32,8 @@ class Settling:
     is a ratio of a few modes, and one more of either may lift it over its limit for a while.
 
     It is found by looking back from the check that asks, and only as far as the last failure. A Δτ that failed at a
-    check is not looked at again before twice the next one, because it cannot have settled earlier.
+    check is not looked at again before twice the next one, because it cannot have settled earlier; nor one that kept
+    too few snapshots for any verdict where it would have to begin.
     counts: `checks` of the run; sufficient(stride, n): whether Δτ, in dense intervals, is so in the first n snapshots.
     """
 
@@ -47,8 +48,10 @@ class Settling:
     def settled(self, stride: int, n: int) -> bool:
         """Tell whether a Δτ has settled by a check."""
         first = max((c for c in self.counts if self.held * c <= n), default=None)
-        asked = [] if first is None else [c for c in self._back_from(n) if c >= first]
-        if not asked or any((stride, c) in self._failed for c in asked):
+        if first is None or _too_few(stride, first):
+            return False
+        asked = [c for c in self._back_from(n) if c >= first]
+        if any((stride, c) in self._failed for c in asked):
             return False
         failed = next((c for c in asked if not self._sufficient(stride, c)), None)
         if failed is not None:
@@ -59,10 +62,15 @@ class Settling:
         """Return the first check of the unbroken series in which a Δτ is sufficient up to n; None if it is not at n."""
         first = None
         for c in self._back_from(n):
-            if not self._sufficient(stride, c):
+            if _too_few(stride, c) or not self._sufficient(stride, c):
                 break
             first = c
         return first
 
     def _back_from(self, n: int) -> list[int]:
         return [c for c in reversed(self.counts) if c <= n]
+
+
+def _too_few(stride: int, n: int) -> bool:
+    """Tell whether a Δτ keeps too few of n snapshots for a verdict."""
+    return n <= stride * (FEWEST_SNAPSHOTS - 1)

@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from selection import Sweep, dense_interval, is_sufficient, sweep
-from selection.feasibility import FEWEST_SNAPSHOTS
 from selection.growing import GrowingSnapshots
 from selection.settled import Settling, checks
-from selection.threads import alone
+from selection.threads import alone, cores
 from suffice.quantities import AXES, QUANTITIES, Grid, component_names
 from suffice.refusal import Refusal
 from suffice.selecting import thresholds_of
@@ -71,6 +70,7 @@ class InSitu:
         sizes = {name: GrowingSnapshots.bytes_needed(r.rows, most, dtype, GROUPS) for name, r in variables.items()}
         self.bytes_needed = sum(sizes.values())
         check_memory(self.bytes_needed, most)
+        cores()  # the libraries are looked up before the run, not at its first check
         self.variables, self.most, self.checks = dict(variables), most, checks(most)
         self.times: list[float] = []
         self.snapshots = {
@@ -109,8 +109,6 @@ class InSitu:
 
     def _sufficient(self, variable: str, stride: int, n: int) -> bool:
         """Tell whether Δτ, in dense intervals, is sufficient in the first n snapshots but for the interval of K_f."""
-        if n <= stride * (FEWEST_SNAPSHOTS - 1):
-            return False  # too few are kept, whatever they say
         times = self.times[:n]
         with alone():
             snapshots = self.snapshots[variable].first(n)
