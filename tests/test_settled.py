@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from selection import ArraySnapshots, InputError, sweep
+from selection import ArraySnapshots, InputError, Thresholds, is_sufficient, sweep
 from selection.growing import GrowingSnapshots
 from selection.settled import Settling, checks
 
 
-def wave(rows=60, n=80):
+def wave(rows=60, n=80, slower=1.0):
     """Particles on smooth paths of many pitches: K_f is defined at every Δτ."""
     rng = np.random.default_rng(2)
-    pace, phase = rng.uniform(5.0, 80.0, rows), rng.uniform(0.0, 6.0, rows)
+    pace, phase = rng.uniform(5.0, 80.0, rows) / slower, rng.uniform(0.0, 6.0, rows)
     return np.sin(np.outer(pace, np.arange(n) * 0.01) + phase[:, None]) + 40.0
 
 
@@ -50,6 +50,17 @@ def test_a_sweep_of_growing_snapshots_is_the_sweep_of_the_matrix():
             other.n_lr, other.n_lr_paper, other.n_c, other.n_c_gap, other.verdict
         )  # fmt: skip
         assert one.K_f_interval == pytest.approx(other.K_f_interval, rel=1e-8)
+
+
+def test_the_short_way_to_a_verdict_on_the_first_snapshots_is_the_long_one_on_their_matrix():
+    W, times, limits, found = wave(slower=5.0), 0.01 * np.arange(80), Thresholds(feasibility=1.0), set()
+    rows = grown(W)
+    for n in (30, 48, 80):
+        for c in sweep(W[:, :n], times[:n], thresholds=limits, groups=None).candidates:
+            assert is_sufficient(rows.first(n), times[:n], c.interval, limits) == (c.verdict == "sufficient")
+            found.add(c.verdict)
+    assert found == {"sufficient", "insufficient", "undecidable"}
+    assert rows.shape == (60, 80)
 
 
 def test_a_value_that_is_not_finite_is_refused_where_it_arrives():
