@@ -16,6 +16,7 @@ from selection.consistency import (
     unseen_error,
 )
 from selection.feasibility import (
+    FEWEST_SNAPSHOTS,
     Evidence,
     Thresholds,
     consistent_mode,
@@ -45,7 +46,7 @@ class Candidate(NamedTuple):
     n_lr_paper: int  # the same with the paper's denominator, the leading 80 % of the eigenvalues
     n_c: int  # consistent mode
     K_f: float | None  # n_c / n_lr; None where it is undefined
-    K_f_interval: tuple[float, float] | None  # from leaving out groups of particles
+    K_f_interval: tuple[float, float] | None  # from leaving out groups of particles; None under ten snapshots
     n_c_gap: int | None  # consistent mode by the gaps alone; None where there are none
     K_f_gap: float | None
     R_a: float | None  # resolution ratio at n = n_c
@@ -96,7 +97,9 @@ def judged(
     # without unseen snapshots R_c is 1 by construction and its crossing, hence K_f, is void
     K_f = feasibility_index(crossing.n_c, n_lr) if unseen else None
     n_c_gap = consistent_mode(curves.R_gap, limits.consistency).n_c if unseen else None
-    spread = half_width_of_feasibility(known, subset, limits, crossing.n_c) if crossing.exceeded else None
+    # an index of a handful of snapshots is not trusted, whatever its particles leave open
+    resampled = crossing.exceeded and m >= FEWEST_SNAPSHOTS
+    spread = half_width_of_feasibility(known, subset, limits, crossing.n_c) if resampled else None
     K_f_interval = None if spread is None or K_f is None else (max(K_f - spread, 0.0), K_f + spread)
     spline = interpolated(projection, max(crossing.n_c, n_lr))
     R_a = resolution_ratio(spline, crossing.n_c)
