@@ -1,15 +1,18 @@
 """One step of a reduced order model: what is timed is the snapshot itself, at times not asked for before."""
 
+import numba
 import numpy as np
 import pytest
 import torch
 
 from pod import lanczos_pod
 from selection import sweep
+from sim import parse_scene, simulation_of
 from suffice.one_step import rom_speed, timing_of
 from suffice.refusal import Refusal
 from suffice.rom import Component, Rom, components_of
 from suffice.run import Run
+from suffice.stretch import timed_stretch
 from surrogates import SURROGATES
 
 BEADS, MODES = 90, (3, 5, 4)
@@ -129,3 +132,69 @@ def test_a_run_gives_modes_up_to_consistency_of_each_component(tmp_path, write_r
         assert left < 0.05 * truth.std()
         with pytest.raises(Refusal, match="dense interval"):
             components_of(run, 0.001, "spline")
+
+
+WET = """[[particles]]
+diameter = 1e-3
+density = 6050.0
+count = 40
+
+[contact]
+stiffness = 1e3
+restitution = 0.9
+friction = 0.1
+
+[gravity]
+acceleration = [0.0, 0.0, -9.81]
+
+[fluid]
+density = 998.2
+viscosity = 1e-3
+lowest = [0.0, 0.0, 0.0]
+highest = [0.008, 0.008, 0.008]
+cells = [6, 6, 6]
+largest_step = 5e-5
+
+[drag]
+
+[time]
+duration = 0.01
+
+[output]
+interval = 0.001
+
+[[walls]]
+name = "box"
+[[walls.shapes]]
+shape = "box"
+lowest = [0.0, 0.0, 0.0]
+highest = [0.008, 0.008, 0.008]
+particles = "inside"
+"""
+
+
+@pytest.mark.physics
+def test_an_interval_is_its_steps_times_those_measured_and_fluid_has_its_share():
+    run = simulation_of(parse_scene(WET))
+    found = timed_stretch(run, warm_up=10, steps=60)
+    per_fluid = run.steps_to_next_flow()
+    assert found.steps_per_interval == run.steps_per_snapshot
+    assert found.interval_seconds == pytest.approx(run.steps_per_snapshot * found.seconds / found.steps, rel=1e-12)
+    assert found.steps >= 60
+    assert found.steps == found.pieces * per_fluid  # whole steps of the fluid, as long as in an undisturbed run
+    assert found.step.repeats == found.pieces
+    assert run.step == 1 + 10 + found.steps
+    assert (found.end - found.begin) == pytest.approx(found.steps * run.dt)
+    assert found.beads == 40
+    assert found.interval == pytest.approx(0.001)
+    assert 0.0 < sum(found.seconds_of.values()) < found.seconds
+
+
+@pytest.mark.physics
+def test_a_timed_stretch_leaves_the_run_where_an_untimed_one_comes_to(beads):
+    timed, plain = (simulation_of(parse_scene(beads)) for _ in range(2))
+    found = timed_stretch(timed, warm_up=20, steps=100)
+    plain.advance_to(timed.step)
+    np.testing.assert_array_equal(timed.particles.position, plain.particles.position)
+    assert found.threads == numba.get_num_threads()
+    assert found.share == found.steps / found.steps_per_interval
