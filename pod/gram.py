@@ -53,8 +53,7 @@ class Products:
         """Return the sum, both halves; nothing can be added after it."""
         if self._device.type != "cpu":
             self._half[:] = self._whole.cpu().numpy()
-        else:
-            fill_lower_half_(self._half)
+        fill_lower_half_(self._half)  # of a GPU as well, whose product need not be symmetric to the last digit
         return self._half
 
 
