@@ -13,7 +13,7 @@ from pod.gram import compute_device
 from suffice.alternatives import fitted
 from suffice.compare import CONSISTENCY, subsets_between
 from suffice.quantities import AXES
-from suffice.reconstruction import Array, Case, consistent_level, reduce
+from suffice.reconstruction import Array, Case, consistent_level, projection_errors, reduce
 from suffice.refusal import Refusal
 from suffice.run import Run
 from suffice.selecting import thresholds_of
@@ -29,6 +29,7 @@ class Component(NamedTuple):
     surrogate: Surrogate  # fitted: times (t,) s -> coefficients (t, n), m
     n_lr: int | None = None
     n_c: int | None = None
+    rmse: float | None = None  # m, over the beads, mean over the unseen times
 
 
 class Rom:
@@ -109,5 +110,8 @@ def components_of(run: Run, interval: float, surrogate: str) -> list[Component]:
         n_lr, n_c = reduced.basis.n_lr, consistent_level(reduced, case, CONSISTENCY)
         n = max(n_c, n_lr or reduced.basis.modes.shape[1])
         regressor = fitted(surrogate, case, reduced, n)
-        found.append(Component(reduced.basis.mean, reduced.basis.modes[:, :n], regressor, n_lr, n_c))
+        miss = regressor.predict(run.times[unseen]) - reduced.coefficients[unseen, :n]
+        squares = projection_errors(reduced, case, n) ** 2 + np.square(miss).sum(axis=1) / len(reduced.basis.mean)
+        rmse = float(np.sqrt(squares).mean())
+        found.append(Component(reduced.basis.mean, reduced.basis.modes[:, :n], regressor, n_lr, n_c, rmse))
     return found
