@@ -43,6 +43,8 @@ class Products:
 
     def add(self, rows: Array) -> None:
         """Add BᵀB of some rows (b, n)."""
+        if not len(rows):
+            return
         if self._device.type == "cpu":
             add_symmetric_product(np.ascontiguousarray(rows), self._half)
         else:
