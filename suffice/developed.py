@@ -11,13 +11,13 @@ from suffice.rotor import fold_of
 from suffice.run import Run
 from suffice.setting import scene_of
 from suffice.starting import read_start
-from suffice.stretch import Stretch, timed_stretch
+from suffice.stretch import Stretch, timed_in_turn
 
 SAME = 1e-4  # of a period, by which a moment may miss a whole number of them
 
 
 class Developed(NamedTuple):
-    """The same scene, timed over as many steps at its start and from a late moment of a run of it."""
+    """The same scene, timed over as many steps at its start and from a late moment of a run of it, in turn."""
 
     time: float  # s, of the moment
     start: Stretch
@@ -44,17 +44,15 @@ def developed(run: Run) -> Developed | None:
         return None
     tables = scene.model_dump() | {"start": {"run": str(run.path), "time": time}}
     late_scene = Scene.model_validate(tables)
-    found = []
-    for one, warm_up in ((scene, False), (late_scene, True)):
-        simulation = simulation_of(one, read_start(one))
-        assert isinstance(simulation, Simulation)  # it has particles
-        found.append(timed_stretch(simulation, simulation.steps_per_snapshot if warm_up else 1, _most(simulation)))
-    return Developed(time, *found)
+    first, second = (_simulation(one) for one in (scene, late_scene))
+    most = max(int(0.9 * first.steps_per_snapshot), 1)  # the first step of the fluid is none of them
+    return Developed(time, *timed_in_turn([(first, 1), (second, second.steps_per_snapshot)], most))
 
 
-def _most(simulation: Simulation) -> int:
-    """Return nine tenths of a snapshot interval, so that the first step of the fluid is none of them."""
-    return max(int(0.9 * simulation.steps_per_snapshot), 1)
+def _simulation(scene: Scene) -> Simulation:
+    simulation = simulation_of(scene, read_start(scene))
+    assert isinstance(simulation, Simulation)  # it has particles
+    return simulation
 
 
 def late_moment(run: Run, scene: Scene) -> float | None:

@@ -24,7 +24,7 @@ from suffice.starting import read_start
 from suffice.stretch import Stretch, timed_stretch
 from suffice.training import check_wish
 from suffice.variables import mean_diameter
-from suffice.wording import seconds_text
+from suffice.wording import seconds_text, threads_text
 
 SOURCE = "source.h5"
 GOALS = {"single": 1500.0, "batch": 10_000.0}
@@ -62,7 +62,7 @@ def full_size_stages(
 
     def measured() -> str:
         with Run(run) as source:
-            answer = measure(setting, source, wish, reporter)
+            answer = {"scene": scene, **measure(setting, source, wish, reporter)}
         write_json(answer, str(folder / ONE_STEP))
         return str(answer["sentence"])
 
@@ -187,8 +187,8 @@ def sentence_of(stretch: Stretch, speed: OneStep, ratio: dict[str, Any]) -> str:
     ]
     return (
         f"{stretch.beads:,} beads, {seconds_text(stretch.interval)}: solver {seconds_text(stretch.interval_seconds)} "
-        f"on {stretch.threads} threads, model {seconds_text(speed.seconds)} on {speed.device} ({speed.threads} "
-        f"threads): {verdicts[0]}, {verdicts[1]}"
+        f"on {threads_text(stretch.threads)}, model {seconds_text(speed.seconds)} on {speed.device}, "
+        f"{threads_text(speed.threads)}: {verdicts[0]}, {verdicts[1]}"
     )
 
 

@@ -1,6 +1,8 @@
 """One step: seconds from a time to the snapshot of all positions, by a reduced order model and by the solver."""
 
+import platform
 from collections.abc import Callable
+from pathlib import Path
 from statistics import quantiles
 from time import perf_counter
 from typing import NamedTuple
@@ -120,5 +122,9 @@ def _wait(device: torch.device) -> None:
 
 
 def device_name(device: torch.device) -> str:
-    """Name of the processor: of a GPU that of the model, otherwise `CPU`."""
-    return torch.cuda.get_device_name(device) if device.type == "cuda" else "CPU"
+    """Model of the GPU, or of the processor as far as the system tells."""
+    if device.type == "cuda":
+        return torch.cuda.get_device_name(device)
+    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return f"CPU {models[0] if models else platform.machine()}"

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from suffice.section import Section
-from suffice.wording import bytes_text, escape, number, seconds_text
+from suffice.wording import bytes_text, escape, number, seconds_text, threads_text
 
 Answer = Mapping[str, Any]
 SHOWN = {"single": "one snapshot alone", "batch": "each of many"}
@@ -66,10 +66,11 @@ def _solver_note(answer: Answer) -> str:
     """Say what of the solver was timed, and at which state."""
     solver = answer["solver"]
     measured = (
-        f"Solver: {solver['steps']} steps from t = {seconds_text(solver['begin'])} on were timed, "
-        f"{100 * solver['share']:.0f} % of the {solver['steps_per_interval']} in an interval of "
-        f"{seconds_text(solver['interval'])}, {seconds_text(solver['seconds'] / solver['steps'])} each, on "
-        f"{solver['threads']} threads; writing snapshots is left out"
+        f"Solver: scene {escape(str(answer['scene']))}, {solver['steps']} steps from t = "
+        f"{seconds_text(solver['begin'])} on were timed, {100 * solver['share']:.0f} % of the "
+        f"{solver['steps_per_interval']} in an interval of {seconds_text(solver['interval'])}, "
+        f"{seconds_text(solver['seconds'] / solver['steps'])} each, on {threads_text(solver['threads'])}; "
+        "writing snapshots is left out"
     )
     return f"{measured}. Beads stand apart at the start, with {number(solver['contacts'])} contacts each in the end."
 
@@ -107,7 +108,7 @@ def _model_notes(answer: Answer) -> list[str]:
         f"A snapshot: all three components, coefficients by {escape(str(source['surrogate']))} "
         f"({seconds_text(rom['regression']['seconds'])}), in {escape(str(rom['precision']))} precision into memory "
         "that is there, at times not asked for before, on "
-        f"{escape(str(rom['device']))} with {rom['threads']} threads{fetch}. "
+        f"{escape(str(rom['device']))} with {threads_text(rom['threads'])}{fetch}. "
         f"Alone it moves {bytes_text(rom['bytes_moved'])}, {rom['bytes_per_second'] / 1e9:.3g} GB/s; "
         f"{rom['batch_size']} at once are computed at {rom['flops_per_second'] / 1e9:.3g} GFLOP/s.",
     ]

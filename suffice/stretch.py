@@ -1,5 +1,6 @@
 """A timed stretch of the solver: seconds of one snapshot interval, from some of its steps."""
 
+from collections.abc import Sequence
 from time import perf_counter
 from typing import NamedTuple
 
@@ -45,22 +46,49 @@ def timed_stretch(run: Simulation, warm_up: int, steps: int) -> Stretch:
     never timed. Nothing is written. The run stands where the stretch ends.
     Raises LimitError where a limit is violated on the way.
     """
-    goal = run.step + max(warm_up, 1)
-    while run.step < goal:
-        _piece(run)
-    first, begin, before = run.step, run.time, run.term_seconds()
-    spent: list[tuple[float, int]] = []
-    while run.step - first < steps:
-        at = run.step
+    return timed_in_turn([(run, warm_up)], steps)[0]
+
+
+def timed_in_turn(runs: Sequence[tuple[Simulation, int]], steps: int) -> list[Stretch]:
+    """Time a stretch of each of several runs, given with its warm-up, piece by piece in turn.
+
+    What else the machine does meanwhile then falls on all of them alike.
+    """
+    clocks = [_Clock(run, warm_up) for run, warm_up in runs]
+    while waiting := [clock for clock in clocks if clock.steps < steps]:
+        for clock in waiting:
+            clock.time_piece()
+    return [clock.stretch() for clock in clocks]
+
+
+class _Clock:
+    """What pieces of a run have taken since it was warm."""
+
+    def __init__(self, run: Simulation, warm_up: int) -> None:
+        goal = run.step + max(warm_up, 1)
+        while run.step < goal:
+            _piece(run)
+        self.run, self.first, self.begin, self.before = run, run.step, run.time, run.term_seconds()
+        self.spent: list[tuple[float, int]] = []
+
+    @property
+    def steps(self) -> int:
+        return self.run.step - self.first
+
+    def time_piece(self) -> None:
+        at = self.run.step
         began = perf_counter()
-        _piece(run)
-        spent.append((perf_counter() - began, run.step - at))
-    return Stretch(
-        len(run.particles.radius), begin, run.time, run.step - first, len(spent),
-        timing_of([seconds / count for seconds, count in spent]), sum(seconds for seconds, _ in spent),
-        run.steps_per_snapshot, run.dt * run.steps_per_snapshot, run.ledger()[1], numba.get_num_threads(),
-        {name: seconds - before[name] for name, seconds in run.term_seconds().items()},
-    )  # fmt: skip
+        _piece(self.run)
+        self.spent.append((perf_counter() - began, self.run.step - at))
+
+    def stretch(self) -> Stretch:
+        run = self.run
+        return Stretch(
+            len(run.particles.radius), self.begin, run.time, self.steps, len(self.spent),
+            timing_of([seconds / count for seconds, count in self.spent]), sum(seconds for seconds, _ in self.spent),
+            run.steps_per_snapshot, run.dt * run.steps_per_snapshot, run.ledger()[1], numba.get_num_threads(),
+            {name: seconds - self.before[name] for name, seconds in run.term_seconds().items()},
+        )  # fmt: skip
 
 
 def _piece(run: Simulation) -> None:

@@ -14,7 +14,7 @@ from suffice.refusal import Refusal
 from suffice.report import render
 from suffice.run import Run
 from suffice.stretch import Stretch
-from suffice.study import built_in_studies, load_study, run_study
+from suffice.study import built_in_studies, load_study, run_study, stages_of
 
 STUDY = """scene = "many.toml"
 
@@ -77,10 +77,12 @@ def test_a_ratio_is_interval_over_snapshot_and_its_range_that_of_both_quartiles(
     assert not slow["batch_reached"]
 
 
-def test_the_built_in_study_is_of_the_paper_s_size_and_its_source_divides_it():
+def test_the_built_in_study_is_of_the_paper_s_size_and_its_source_divides_it(tmp_path):
     assert "paper" in built_in_studies()
-    _, study, _ = load_study("paper")
+    name, study, home = load_study("paper")
     assert study.one_step is not None
+    stages = stages_of(name, study, home, tmp_path, Reporter(as_json=True))  # refused where beads do not make it up
+    assert [stage.name for stage in stages] == ["simulate source", "one step", "report"]
     assert (study.scene, study.one_step.surrogate) == ("paper_mill", "rbf")
     assert GOALS == {"single": 1500.0, "batch": 10_000.0}
 
@@ -92,6 +94,7 @@ def test_a_study_at_full_size_times_solver_and_model_of_as_many_beads_and_tells_
     answer = json.loads((folder / "out" / "one_step.json").read_text())
     solver, rom, source = answer["solver"], answer["rom"], answer["source"]
     assert solver["beads"] == rom["beads"] == 36
+    assert answer["scene"] == "many.toml"
     assert (source["beads"], source["copies"], source["interval_reason"]) == (12, 3, "asked for")
     assert solver["interval_seconds"] == pytest.approx(
         solver["steps_per_interval"] * solver["seconds"] / solver["steps"]
@@ -162,6 +165,7 @@ def test_no_name_in_the_section_acts_as_markup():
     timings = {name: getattr(rom, name)._asdict() for name in ("single", "batch", "regression")}
     own = {name: getattr(rom, name) for name in ("seconds", "batch_seconds", "bytes_per_second", "flops_per_second")}
     answer = {
+        "scene": evil,
         "solver": solver._asdict() | {"step": solver.step._asdict(), "interval_seconds": 282.7, "share": 0.3},
         "developed": None,
         "rom": rom._asdict() | timings | own | {"device": evil},

@@ -86,7 +86,8 @@ def test_no_time_is_asked_for_twice(components, monkeypatch):
 
 def test_one_step_says_on_what_it_was_measured_and_how_much_memory_it_moved(components):
     found = rom_speed(rom_of(components), buffer=10**5, singles=5, batches=3)
-    assert (found.device, found.fetch, found.precision) == ("CPU", None, "single")
+    assert found.device.startswith("CPU ")
+    assert (found.fetch, found.precision) == (None, "single")
     assert found.threads == torch.get_num_threads()
     assert found.n_modes == list(MODES)
     assert found.beads == BEADS
