@@ -25,31 +25,37 @@ def one_step_section(results: Mapping[str, Any]) -> Section | None:
 
 def _table(answer: Answer) -> str:
     """Tabulate what one step takes and how much faster the model is, beside goals and the paper's statement."""
-    solver, rom, ratio = answer["solver"], answer["rom"], answer["ratio"]
+    solver = answer["solver"]
     step, steps = solver["step"], solver["steps_per_interval"]
     spread = f"{seconds_text(steps * step['low'])} to {seconds_text(steps * step['high'])}"
     rows = [_row(["solver, one interval", seconds_text(solver["interval_seconds"]), spread, "1", "", ""])]
-    for name, words in SHOWN.items():
-        timing, found = rom[name], ratio[name]
-        low, high = ratio[f"{name}_range"]
-        rows.append(
-            _row(
-                [
-                    f"model, {words}",
-                    seconds_text(rom["seconds" if name == "single" else "batch_seconds"]),
-                    f"{seconds_text(timing['low'])} to {seconds_text(timing['high'])}",
-                    f"<b>{found:,.0f}</b> ({low:,.0f} to {high:,.0f})",
-                    f"{answer['goals'][name]:,.0f} {_pill(ratio[f'{name}_reached'])}",
-                    "over 1500" if name == "single" else "–",
-                ]
-            )
-        )
+    rows += _model_rows(answer, "model", answer)
+    if answer["gpu"]:
+        rows += _model_rows(answer, f"model on {escape(str(answer['gpu']['rom']['device']))}", answer["gpu"])
     titles = ("seconds", "quartiles", "times faster", "goal", "paper")
     head = "".join(f'<th class="number">{title}</th>' for title in titles)
     return (
         f'<div class="scroll"><table class="plain"><tr><th>{solver["beads"]:,} beads</th>{head}</tr>{"".join(rows)}'
         f'</table></div><p class="quiet">The paper states {escape(str(answer["paper"]))}.</p>'
     )
+
+
+def _model_rows(answer: Answer, who: str, measured: Answer) -> list[str]:
+    """Rows of a model on one device: alone and in batch, in the memory of the host."""
+    rom, ratio, rows = measured["rom"], measured["ratio"], []
+    fetch = rom["fetch"]["seconds"] if rom["fetch"] else 0.0
+    for name, words in SHOWN.items():
+        timing, (low, high) = rom[name], ratio[f"{name}_range"]
+        cells = [
+            f"{who}, {words}",
+            seconds_text(timing["seconds"] + fetch),
+            f"{seconds_text(timing['low'] + fetch)} to {seconds_text(timing['high'] + fetch)}",
+            f"<b>{ratio[name]:,.0f}</b> ({low:,.0f} to {high:,.0f})",
+            f"{answer['goals'][name]:,.0f} {_pill(ratio[f'{name}_reached'])}",
+            "over 1500" if name == "single" else "–",
+        ]
+        rows.append(_row(cells))
+    return rows
 
 
 def _row(texts: list[str]) -> str:
@@ -99,7 +105,6 @@ def _model_notes(answer: Answer) -> list[str]:
             "xyz", source["n_modes"], source["n_lr"], source["n_c"], source["rmse_diameters"], strict=True
         )
     )
-    fetch = "" if rom["fetch"] is None else f", of them {seconds_text(rom['fetch']['seconds'])} to the host's memory"
     return [
         f"Model: modes of {source['beads']:,} beads ({escape(str(source['run']))}, {source['n_snapshots']} snapshots), "
         f"repeated {source['copies']} times beside each other, which leaves n<sub>lr</sub>, n<sub>c</sub> and "
@@ -108,7 +113,18 @@ def _model_notes(answer: Answer) -> list[str]:
         f"A snapshot: all three components, coefficients by {escape(str(source['surrogate']))} "
         f"({seconds_text(rom['regression']['seconds'])}), in {escape(str(rom['precision']))} precision into memory "
         "that is there, at times not asked for before, on "
-        f"{escape(str(rom['device']))} with {threads_text(rom['threads'])}{fetch}. "
+        f"{escape(str(rom['device']))} with {threads_text(rom['threads'])}. "
         f"Alone it moves {bytes_text(rom['bytes_moved'])}, {rom['bytes_per_second'] / 1e9:.3g} GB/s; "
         f"{rom['batch_size']} at once are computed at {rom['flops_per_second'] / 1e9:.3g} GFLOP/s.",
+        *_gpu_note(answer),
+    ]
+
+
+def _gpu_note(answer: Answer) -> list[str]:
+    if not answer["gpu"]:
+        return []
+    rom = answer["gpu"]["rom"]
+    return [
+        f"{escape(str(rom['device']))}: the processor predicts the coefficients; to copy a snapshot to its memory takes "
+        f"{seconds_text(rom['fetch']['seconds'])}, which is included."
     ]

@@ -173,10 +173,21 @@ def test_no_name_in_the_section_acts_as_markup():
         | {"interval_reason": evil, "surrogate": evil}
         | {name: [1, 1, None] for name in ("n_lr", "n_c", "n_modes", "rmse_diameters")},
         "ratio": ratios(solver, rom, None),
+        "gpu": None,
         "goals": GOALS,
         "paper": evil,
         "sentence": evil,
     }
+    fetch = timing_of([1e-4])._asdict()
+    answer["gpu"] = {"rom": answer["rom"] | {"fetch": fetch}, "ratio": ratios(solver, rom, None)}
     page = render({"one_step": answer})
     assert "One step at full size" in page
     assert "<img" not in page
+
+
+def test_a_copy_from_a_gpu_counts_in_a_ratio():
+    rom = speed_of([0.001, 0.001], [0.0005, 0.0005])
+    solver = stretch_of(1000, 0.1, 0.1)
+    fetched = ratios(solver, rom._replace(fetch=timing_of([0.001])), None)
+    assert fetched["single"] == pytest.approx(0.5 * ratios(solver, rom, None)["single"])
+    assert fetched["batch"] == pytest.approx(282.7 / 0.0015)
