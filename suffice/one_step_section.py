@@ -121,10 +121,11 @@ def _model_notes(answer: Answer) -> list[str]:
 
 
 def _gpu_note(answer: Answer) -> list[str]:
+    """Say what a GPU does of a step, and what it does not."""
     if not answer["gpu"]:
         return []
     rom = answer["gpu"]["rom"]
     return [
-        f"{escape(str(rom['device']))}: the processor predicts the coefficients; to copy a snapshot to its memory takes "
-        f"{seconds_text(rom['fetch']['seconds'])}, which is included."
+        f"{escape(str(rom['device']))}: the processor predicts the coefficients; to copy a snapshot to its memory "
+        f"takes {seconds_text(rom['fetch']['seconds'])}, which is included."
     ]
