@@ -90,7 +90,8 @@ def _late_note(answer: Answer) -> list[str]:
         ]
     return [
         f"Developed flow, not measured at this size: in the source a step from t = {seconds_text(late['time'])} on "
-        f"({number(late['late']['contacts'])} contacts each) takes {number(late['factor'])} times one at its start. "
+        f"({number(late['late']['contacts'])} contacts each) takes {number(late['factor'])} times one at its start "
+        f"({number(late['start']['contacts'])}). "
         f"With that the model would be {ratio['single_developed']:,.0f} times faster alone and "
         f"{ratio['batch_developed']:,.0f} times in batch."
     ]
