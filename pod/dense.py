@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import torch
 
-from pod.lanczos import EPSILON, RitzPairs, Wanted
+from pod.lanczos import EPSILON, RitzPairs, Wanted, thin_svd
 from pod.snapshots import SnapshotMatrix
 from pod.workers import Tile
 
@@ -19,7 +19,7 @@ def dense_pairs(matrix: SnapshotMatrix, wanted: Wanted) -> RitzPairs:
             np.subtract(tile.motion, tile.motion.mean(axis=1, keepdims=True), out=motion[tile.rows])
 
     matrix.each(centre)
-    _, sigma, right = torch.linalg.svd(torch.from_numpy(motion).to(matrix.device), full_matrices=False)
+    _, sigma, right = thin_svd(torch.from_numpy(motion).to(matrix.device))
     values, vectors = sigma**2 / matrix.shape[1], right.T
     rank = int((sigma > max(matrix.shape) * EPSILON * sigma[0]).sum())
     p, reason = wanted(values, lambda: vectors), "dense decomposition"

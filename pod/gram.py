@@ -43,6 +43,8 @@ class Products:
 
     def add(self, rows: Array) -> None:
         """Add BᵀB of some rows (b, n)."""
+        if not len(rows):
+            return
         if self._device.type == "cpu":
             add_symmetric_product(np.ascontiguousarray(rows), self._half)
         else:
@@ -53,8 +55,7 @@ class Products:
         """Return the sum, both halves; nothing can be added after it."""
         if self._device.type != "cpu":
             self._half[:] = self._whole.cpu().numpy()
-        else:
-            fill_lower_half_(self._half)
+        fill_lower_half_(self._half)  # of a GPU as well, whose product need not be symmetric to the last digit
         return self._half
 
 

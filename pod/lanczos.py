@@ -90,6 +90,12 @@ def _finished(krylov: "_Krylov", wanted: Wanted, trace: float, tolerance: float)
     return RitzPairs(*found, krylov.steps, ritz, reason, krylov.tridiagonal)
 
 
+def thin_svd(matrix: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Thin singular value decomposition, on a GPU as accurate as on a CPU: not by the Jacobi method that is faster."""
+    left, lengths, right = torch.linalg.svd(matrix, full_matrices=False, driver="gesvd" if matrix.is_cuda else None)
+    return left, lengths, right
+
+
 class _Krylov:
     """The orthonormal vectors q_1 … q_k and the (block) tridiagonal matrix T_k of the process so far."""
 
@@ -154,7 +160,7 @@ class _Krylov:
             length = torch.linalg.vector_norm(w)
             q, beta = w / length.clamp(min=torch.finfo(torch.float64).tiny), length.reshape(1, 1)
         else:
-            left, lengths, right = torch.linalg.svd(w, full_matrices=False)
+            left, lengths, right = thin_svd(w)
             q, beta = right[:room], (left * lengths).T[:room]
         scale = max(self._norm, float(self._T[: self.steps, : self.steps].diagonal().max()))
         dead = torch.linalg.vector_norm(beta, dim=1) <= BREAKDOWN * scale

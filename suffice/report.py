@@ -11,6 +11,7 @@ from plotly.offline import get_plotlyjs
 
 from suffice.beyond_section import beyond_section
 from suffice.omissions_section import omissions_section
+from suffice.one_step_section import one_step_section
 from suffice.player_section import player_section
 from suffice.plots import (
     consistency_figure,
@@ -42,8 +43,8 @@ def write_report(results: Results, path: str | Path) -> None:
     results: `study`, `run`, `select` (as `select --json` writes it), `curves` {variable: {Δτ: curves}}, `spectrum`
     {variable: {Δτ: I(p)}}, `convergence` {variable: curves against steps, and `modes`}, `compare` (as
     `compare` answers, with a list of what `compare_beyond` does in `beyond`), `observables` (a list, as
-    `compare_observables` answers), `unseen` (as `compare_unseen`), `omissions` (as `compare_omissions`), `player` (a
-    `Player`), `stages`, `series` with its `times`, `provenance`;
+    `compare_observables` answers), `unseen` (as `compare_unseen`), `omissions` (as `compare_omissions`), `one_step` (as
+    `full_size.measure`), `player` (a `Player`), `stages`, `series` with its `times`, `provenance`;
     any may be missing, and its section is left out. Everything shown is escaped; the page loads nothing.
     Raises `Refusal` when the page cannot be written.
     """
@@ -73,6 +74,7 @@ def render(results: Results) -> str:
         beyond_section,
         unseen_section,
         omissions_section,
+        one_step_section,
         _ledger,
         _stages,
         _provenance,

@@ -14,6 +14,7 @@ from suffice.variables import mean_diameter
 
 RUN, SELECTION, COMPARISON, LOG = "run.h5", "select.json", "compare.json", "stages.json"
 UNSEEN, OMISSIONS = "unseen.json", "omissions.json"  # of studies of several runs
+ONE_STEP = "one_step.json"  # of a study at full size
 LEDGER = "energy."
 
 
@@ -36,12 +37,14 @@ def gather(folder: Path, study: str) -> dict[str, Any]:
     Raises Refusal where there is no run at all.
     """
     results: dict[str, Any] = {"study": study}
-    unseen, omissions = read_json(folder / UNSEEN), read_json(folder / OMISSIONS)
+    unseen, omissions, one_step = (read_json(folder / name) for name in (UNSEEN, OMISSIONS, ONE_STEP))
     first = RUN
     if unseen:
         results["unseen"], first = unseen, Path(unseen["runs"][0]["path"]).name
     elif omissions:
         results["omissions"], first = omissions, Path(omissions["runs"][0]).name
+    elif one_step:
+        results["one_step"], first = one_step, one_step["source"]["run"]
     with Run(folder / first) as run:
         if first == RUN:
             results |= _of_one_run(run)

@@ -49,7 +49,7 @@ def setting_of(run: Run) -> Setting:
 
     The scene is the text `scene` of the run's provenance: an imported run has none.
     """
-    scene, why = _scene_of(run)
+    scene, why = scene_of(run)
     weight, unit = _weights(run, scene)
     walls, damage = _walls(scene)
     axis, swept = _turning(scene, meshes=not damage)
@@ -75,7 +75,7 @@ def setting_of(run: Run) -> Setting:
     )
 
 
-def _scene_of(run: Run) -> tuple[Scene | None, str]:
+def scene_of(run: Run) -> tuple[Scene | None, str]:
     """Return the scene that made the run; or None, and why."""
     text = run.provenance.get("scene")
     if text is None:

@@ -18,6 +18,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from suffice.comparing import Comparing, compare_as_wished
 from suffice.door import write_json
+from suffice.full_size import FullSize, full_size_stages
 from suffice.lock import only_writer
 from suffice.omissions import Omissions, omission_stages
 from suffice.player import player_of
@@ -59,16 +60,21 @@ class Study(Settings):
     compare: Comparing = Comparing()
     unseen: Speeds | None = Field(default=None, description="instead of one run, several rotor speeds, some unseen")
     omissions: Omissions | None = Field(default=None, description="instead of one run, variants with less physics")
+    one_step: FullSize | None = Field(default=None, description="instead of a run, one step of a scene at full size")
 
     @model_validator(mode="after")
     def _one_origin(self) -> "Study":
         if (self.scene is None) == (self.source is None):
             raise ValueError("give either a scene or a table [source]")
-        others = {"select", "compare", "unseen"} & self.model_fields_set
+        others = {"select", "compare", "unseen", "one_step"} & self.model_fields_set
         if self.omissions is not None and (self.scene is None or others):
             raise ValueError("[omissions] runs variants of a scene; give it a scene, and no other question beside it")
         if self.unseen is not None and (self.scene is None or {"select", "compare"} & self.model_fields_set):
             raise ValueError("[unseen] runs a scene at several speeds; give it a scene, and no [select] or [compare]")
+        if self.one_step is not None and (
+            self.scene is None or {"select", "compare", "unseen"} & self.model_fields_set
+        ):
+            raise ValueError("[one_step] times a scene; give it a scene, and no other question beside it")
         return self
 
 
@@ -159,6 +165,9 @@ def stages_of(name: str, study: Study, home: Path, folder: Path, reporter: Repor
     if study.omissions is not None and study.scene is not None:
         variants = omission_stages(study.omissions, study.scene, study.seed, home, folder, reporter)
         return [*variants, _reporting(name, folder)]
+    if study.one_step is not None and study.scene is not None:
+        timed = full_size_stages(study.one_step, study.scene, study.seed, home, folder, reporter)
+        return [*timed, _reporting(name, folder)]
     if study.scene is None:
         first = _reading(study, home, folder, reporter)
     else:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from html import escape
 from typing import Any
 
-__all__ = ["bytes_text", "errors_text", "escape", "finite", "number", "seconds_text"]
+__all__ = ["bytes_text", "errors_text", "escape", "finite", "number", "seconds_text", "threads_text"]
 
 UNITS_OF_TIME = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"))
 
@@ -46,6 +46,11 @@ def errors_text(candidate: Mapping[str, Any], unit: str) -> str:
             text = " … ".join(number(error, 2) for error in errors)
             return text if shown == "1" else f"{text} {shown}"
     return ""
+
+
+def threads_text(count: int) -> str:
+    """Return `1 thread`, `2 threads`."""
+    return f"{count} thread{'' if count == 1 else 's'}"
 
 
 def bytes_text(value: Any) -> str:

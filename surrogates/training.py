@@ -78,14 +78,16 @@ def train(network: nn.Module, training: Samples, validation: Samples | None, set
 
     check_training(settings)
     begin = perf_counter()
-    threads = torch.get_num_threads()
+    threads, rounded = torch.get_num_threads(), torch.backends.cudnn.allow_tf32
     torch.set_num_threads(1)  # networks of this size are no faster on more, and their sums no longer depend on it
+    torch.backends.cudnn.allow_tf32 = False  # recurrent networks would keep ten bits of a number on a GPU
     try:
         with torch.random.fork_rng(devices=range(torch.cuda.device_count())):
             torch.manual_seed(settings.seed)
             kept = fit_network(network, training, validation or training, settings)
     finally:
         torch.set_num_threads(threads)
+        torch.backends.cudnn.allow_tf32 = rounded
     if kept.best_step == 0 and kept.diverged_at is not None:
         raise InputError(
             f"learning_rate is {settings.learning_rate:g}: the training error grew without bound by step "
