@@ -58,7 +58,9 @@ def _planes(fluid: Mapping[str, Any]) -> str:
         f'<option value="{i}"{"" if i else " selected"}>across {plane["across"]}</option>'
         for i, plane in enumerate(fluid["planes"])
     )
-    return f'<label>fluid <select name="player-fluid">{options}<option value="">off</option></select></label>'
+    return (
+        f'<label>fluid on a plane <select name="player-fluid">{options}<option value="">off</option></select></label>'
+    )
 
 
 def _text(facts: Mapping[str, Any]) -> str:
