@@ -129,7 +129,7 @@ def _facts(results: Results) -> str:
     run = results.get("run") or {}
     shown: Mapping[str, tuple[str, Callable[[Any], str]]] = {
         "n_particles": ("particles", str),
-        "diameter": ("diameter", lambda value: f"{number(value)} m"),
+        "diameter": ("diameter", lambda value: f"{number(1e3 * value)} mm"),
         "n_snapshots": ("snapshots", str),
         "interval": ("dense interval", seconds_text),
         "duration": ("duration", seconds_text),

@@ -19,8 +19,8 @@
       font: { color: ink, size: narrow ? 11 : 13, family: getComputedStyle(document.body).fontFamily },
       margin: { l: narrow ? 46 : 64, r: narrow ? 8 : 16, t: 14, b: 48 },
       legend: narrow
-        ? { orientation: "h", y: -0.2, yanchor: "top", x: 0, font: { size: 11 } }
-        : { x: 1.01, y: 1, ...(layout.legend || {}) },
+        ? { orientation: "h", y: -0.2, yanchor: "top", x: 0, font: { size: 11 }, tracegroupgap: 0 }
+        : { x: 1.01, y: 1, tracegroupgap: 0, ...(layout.legend || {}) },
       hoverlabel: { bgcolor: card, bordercolor: grid, font: { color: ink } },
       dragmode: narrow ? false : "zoom",
     };
