@@ -10,7 +10,7 @@ from pathlib import Path
 
 from browser import Browser
 
-WIDTH, QUALITY = 1120, 80
+WIDTH, QUALITY = 1120, 68
 LAST = "player"  # down to the end of this section
 READY = "document.querySelector('section[data-player]') && document.querySelector('.js-plotly-plot')"
 # a frame in the middle, between two that the surrogate was trained on
