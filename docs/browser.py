@@ -30,9 +30,11 @@ class Browser:
     """
 
     def __init__(self, *flags: str) -> None:
+        if CHROMIUM is None:
+            raise RuntimeError("no Chromium on this machine; install one, as `apt install chromium` does")
         self.errors: list[str] = []  # what the console of the page said of errors
         self._profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
-        asked = [str(CHROMIUM), *FLAGS, *flags, f"--user-data-dir={self._profile.name}", "--remote-debugging-pipe"]
+        asked = [CHROMIUM, *FLAGS, *flags, f"--user-data-dir={self._profile.name}", "--remote-debugging-pipe"]
         read, self._to = os.pipe()
         self._from, write = os.pipe()
         launch = [sys.executable, "-c", LAUNCH, str(read), str(write), *asked, "about:blank"]

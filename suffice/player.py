@@ -135,7 +135,7 @@ def _player(run: Run, intervals: Sequence[float], sufficient: float | None) -> P
         return _without("the modes of all particles would take more than 4 GiB")
     shown, found = _predictions(run, subsets)
     setting = setting_of(run)
-    fluid = _slices(run, setting, subsets, shown.frames)
+    fluid, no_fluid = _slices(run, setting, subsets, shown.frames)
     room = 0 if fluid is None else sum(map(len, fluid.streams.values()))
     finest = (setting.diameter or 0.0) / PER_DIAMETER
     box, packed = packed_within([shown.truth, *(each.position for each in found)], finest, MOST_BYTES - room)
@@ -158,6 +158,7 @@ def _player(run: Run, intervals: Sequence[float], sufficient: float | None) -> P
         "fastest": _fastest(shown.truth, run.times[shown.frames], box.quantum),
         "predictions": [_facts(each, setting.diameter, box.quantum) for each in found],
         "fluid": None if fluid is None else fluid.facts,
+        "fluid_left_out": no_fluid,
         "bodies": bodies,
         "bytes": sum(map(len, streams.values())),
     }
@@ -179,18 +180,20 @@ def _case(values: RowSource, rates: RowSource | None, run: Run, subset: Subset) 
     return Case(values, rates, run.times, subset.training, np.setdiff1d(subset.testing, subset.training))
 
 
-def _slices(run: Run, setting: Setting, subsets: Sequence[Subset], frames: NDArray[np.intp]) -> Slices | None:
-    """Return the speed of the fluid on planes; None without one that moves, or with too many cells for modes."""
+def _slices(
+    run: Run, setting: Setting, subsets: Sequence[Subset], frames: NDArray[np.intp]
+) -> tuple[Slices | None, str]:
+    """Return the speed of the fluid on planes; or None, and why where the run has a fluid."""
     if VARIABLE not in run.quantities or run.grid is None:
-        return None
+        return None, ""
     if max(_modes_bytes(prod(run.grid.shape), subset) for subset in subsets) > MOST_MODES_BYTES:
-        return None
+        return None, "the modes of all cells would take more than 4 GiB"
     values, times = held(run, VARIABLE), run.times[frames]
     try:
         models = [modelled(_case(values, None, run, subset), FLUID_ENERGY, times) for subset in subsets]
-    except UnfitSnapshots:
-        return None
-    return slices_of(values, run.grid, setting, frames, models)
+    except UnfitSnapshots as error:
+        return None, str(error)
+    return slices_of(values, run.grid, setting, frames, models), ""
 
 
 def _outlines(setting: Setting, times: Array, truth: Array) -> tuple[list[dict[str, Any]], dict[str, bytes]]:

@@ -81,6 +81,8 @@ def _text(facts: Mapping[str, Any]) -> str:
             "The plane shows the speed of the fluid in the middle layer of cells, within moving walls that of the "
             "wall; particles before it are cut away. "
         )
+    if facts["fluid_left_out"]:
+        text += f"The fluid is not shown: {escape(str(facts['fluid_left_out']))}. "
     text += "Drag to turn, wheel or pinch to zoom, double click or tap to return; space plays, arrows step."
     return f'<ul class="verdicts">{items}</ul><p class="quiet">{text}</p>'
 

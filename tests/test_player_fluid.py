@@ -12,7 +12,7 @@ from suffice.frames import unpack
 from suffice.outline import outlines_of
 from suffice.player import player_of
 from suffice.quantities import Grid
-from suffice.report import write_report
+from suffice.report import render, write_report
 from suffice.run import Run
 from suffice.setting import setting_of
 from suffice.solids import wall_distances
@@ -86,8 +86,9 @@ def stirred_liquid():
     return position, SPEED * pulse[..., None] * vortex + 0.1 * np.sin(3 * SPEED * t)[:, :, None, None, None]
 
 
-def write(path, scene=SCENE):
+def write(path, scene=SCENE, stirred=1.0):
     position, velocity = stirred_liquid()
+    velocity *= stirred
     with RunWriter(
         path,
         ids=np.arange(BEADS),
@@ -161,6 +162,15 @@ def test_the_liquid_ends_at_the_vessels_wall_and_not_at_the_rotor(run):
     gap = RADIUS - np.hypot(x, y[:, None])  # m to the wall
     scale = 127.5 / (2 * max(GRID.spacing))
     assert seen == pytest.approx(np.clip(127.5 + scale * gap, 0, 255), abs=0.51)
+
+
+def test_a_liquid_at_rest_is_left_out_and_the_page_says_so(tmp_path):
+    player = player_of(write(tmp_path / "run.h5", stirred=0.0), results())
+    assert player.facts["fluid"] is None
+    assert [found["modes"] > 0 for found in player.facts["predictions"]] == [True, True]
+    page = render({"player": player})
+    assert "The fluid is not shown: " in page
+    assert "player-fluid" not in page[: page.index("<script>")]
 
 
 def test_a_run_without_a_scene_has_no_walls_to_draw_and_liquid_everywhere(tmp_path):
