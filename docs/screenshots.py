@@ -11,12 +11,13 @@ from pathlib import Path
 from browser import Browser
 
 WIDTH, QUALITY = 1120, 68
-LAST = "player"  # down to the end of this section
-READY = "document.querySelector('section[data-player]') && document.querySelector('.js-plotly-plot')"
+PLAYER = "document.querySelector('section:has(.player)')"
+READY = f"document.readyState === 'complete' && !({PLAYER} && !{PLAYER}.dataset.player)"
 # a frame in the middle, between two that the surrogate was trained on
 MIDDLE = """(() => {
-  const facts = JSON.parse(document.getElementById("player-facts").textContent);
   const scrub = document.querySelector(".scrub");
+  if (!scrub) return;
+  const facts = JSON.parse(document.getElementById("player-facts").textContent);
   const half = facts.frames >> 1;
   scrub.value = facts.predictions[0].kept.findIndex((kept, k) => k >= half && !kept);
   scrub.dispatchEvent(new Event("input"));
@@ -36,8 +37,8 @@ def main() -> None:
             page.look(asked.width, 1000, dark=scheme == "dark")
             page.open(asked.folder / "report.html", READY)
             page.run(MIDDLE)
-            below = "document.body" if asked.whole else "document.querySelector('section[data-player]')"
-            height = page.run(f"{below}.getBoundingClientRect().bottom + scrollY + 16")
+            last = "document.body" if asked.whole else f"({PLAYER} || document.body)"
+            height = page.run(f"{last}.getBoundingClientRect().bottom + scrollY + 16")
             target = asked.output / f"report_{scheme}.jpg"
             target.write_bytes(page.picture((0, 0, asked.width, height), QUALITY))
             print(f"{target}: {target.stat().st_size / 1e3:.0f} kB")
