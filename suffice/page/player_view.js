@@ -2,7 +2,7 @@
 // draws beads as spheres, the fluid on a plane and the lines of walls into a canvas
 const playerView = (() => {
   const FIELD = 0.27; // tangent of half the angle of view, at zoom 1
-  const FAINT = 0.3; // how much of a line is seen through what stands before it
+  const CLEAR = 0.5, FAINT = 0.25; // lines, and what is seen of them through what stands before them
 
   const PLACED = `#version 300 es
   uniform mat3 turned; uniform vec3 middle; uniform float away, field, aspect; uniform vec2 shift;
@@ -204,7 +204,7 @@ const playerView = (() => {
       use(lines, camera, axes, ramp);
       gl.bindVertexArray(ends.array);
       gl.enable(gl.BLEND);
-      drawLines(1 - FAINT, moves, ink);
+      drawLines(CLEAR, moves, ink);
       gl.disable(gl.DEPTH_TEST);
       drawLines(FAINT, moves, ink);
       gl.enable(gl.DEPTH_TEST);
