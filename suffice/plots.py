@@ -74,7 +74,9 @@ def error_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
         raw = all(row["modes"] is None for row in own)
         data.append(_error_line(escape(name), _levels(own, True), field, {"color": colour, "width": 3 if raw else 2}))
         if not raw:
-            few = _error_line("all on n_lr modes", _levels(own, False), field, {"color": colour, "dash": "dot"})
+            few = _error_line(
+                "all on n<sub>lr</sub> modes", _levels(own, False), field, {"color": colour, "dash": "dot"}
+            )
             first = not any(line.get("legendgroup") for line in data)
             data.append({**few, "legendgroup": "few", "showlegend": first, "visible": "legendonly", "legendrank": 2000})
     data = [line for line in data if line["x"]]
@@ -198,7 +200,7 @@ def _floor_line(rows: Sequence[Mapping[str, Any]], field: str, *, most: bool) ->
         row["rmse_diameters"] / row["rmse"] if field == "rmse_diameters" and row["rmse"] else 1 for row in on_modes
     ]
     floor = [_rounded(row["projection_rmse"] * s) for row, s in zip(on_modes, scale, strict=True)]
-    name = f"floor, {'all' if most else 'n_lr'} modes"
+    name = f"floor, {'all' if most else 'n<sub>lr</sub>'} modes"
     line = {"color": QUIET, "dash": "dash" if most else "dot"}
     return _line(name, [row["interval"] * 1e3 for row in on_modes], floor, line)
 

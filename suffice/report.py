@@ -81,7 +81,7 @@ def render(results: Results) -> str:
     )
     sections = [section for part in parts if (section := part(results)) is not None]
     figures = {f"panel{i}": section.figures for i, section in enumerate(sections)}
-    scripts = ["report.js", *dict.fromkeys(section.script for section in sections if section.script)]
+    scripts = ["report.js", *dict.fromkeys(name for section in sections for name in section.scripts)]
     study = escape(str(results.get("study") or "a run"))
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
@@ -131,7 +131,7 @@ def _facts(results: Results) -> str:
     run = results.get("run") or {}
     shown: Mapping[str, tuple[str, Callable[[Any], str]]] = {
         "n_particles": ("particles", str),
-        "diameter": ("diameter", lambda value: f"{number(value)} m"),
+        "diameter": ("diameter", lambda value: f"{number(1e3 * value)} mm"),
         "n_snapshots": ("snapshots", str),
         "interval": ("dense interval", seconds_text),
         "duration": ("duration", seconds_text),

@@ -14,4 +14,4 @@ class Section(NamedTuple):
     figures: Mapping[str, Figure] = {}
     pickers: Mapping[str, Mapping[str, str]] = {}  # name -> value -> what the reader sees
     below: str = ""
-    script: str = ""  # a file of the folder `page` that this section needs
+    scripts: tuple[str, ...] = ()  # files of the folder `page` that this section needs, in their order

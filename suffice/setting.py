@@ -36,6 +36,7 @@ class Setting(NamedTuple):
     period: tuple[Array, Array] | None  # lowest corner and length of each direction, (3,) m; length 0: no period
     walls: Bodies | None  # where they stand at time zero
     missing: Mapping[str, str]  # `density`, `gravity`, `axis`, `rotor`, `walls` -> why it is not known
+    scene: Scene | None = None  # that made the run
 
     @property
     def diameter(self) -> float | None:
@@ -72,6 +73,7 @@ def setting_of(run: Run) -> Setting:
         _period(scene),
         walls,
         {name: why or reason for name, (known, reason) in reasons.items() if not known},
+        scene,
     )
 
 

@@ -9,13 +9,49 @@ from suffice.wording import errors_text, escape, number, seconds_text
 
 SYMBOL = re.compile(r"\b([A-Za-z])_([a-z]+)\b")  # K_f, R_a, n_lr, E_train
 SUBSCRIPT = r"\1<sub>\2</sub>"
+MOST_UNFOLDED = 3  # variables for which nothing suffices
 VERDICTS = ("sufficient", "insufficient", "undecidable")
 
 
 def verdict_items(variables: Mapping[str, Any]) -> str:
-    """List one sentence per variable, as HTML. variables: as `select` writes them, see design.md."""
-    items = "".join(_item(str(name), found) for name, found in variables.items())
-    return f'<ul class="verdicts">{items}</ul>'
+    """Say in a sentence what suffices for which variables, then one sentence for each, as HTML.
+
+    variables: as `select` writes them, see design.md. Many for which nothing suffices are folded.
+    """
+    items = {name: _item(str(name), found) for name, found in variables.items()}
+    refused = [name for name, found in variables.items() if found.get("chosen_interval") is None]
+    chosen = "".join(item for name, item in items.items() if name not in refused)
+    left = "".join(items[name] for name in refused)
+    if len(refused) > MOST_UNFOLDED:
+        summary = f"<summary>The {len(refused)} for which no Δτ considered suffices</summary>"
+        folded = f'<details>{summary}<ul class="verdicts">{left}</ul></details>'
+        return f'{_headline(variables)}<ul class="verdicts">{chosen}</ul>{folded}'
+    return f'{_headline(variables)}<ul class="verdicts">{chosen}{left}</ul>'
+
+
+def _headline(variables: Mapping[str, Any]) -> str:
+    """Say which Δτ suffices for which variables by the paper's rule, and for which none does."""
+    names: dict[float | None, list[str]] = {}
+    for name, found in variables.items():
+        names.setdefault(found.get("chosen_interval"), []).append(str(name))
+    refused = names.pop(None, [])
+    parts = [
+        f"snapshots every <b>{seconds_text(interval)}</b> suffice for <b>{_listed(own)}</b>"
+        for interval, own in sorted(names.items(), key=lambda pair: -float(pair[0] or 0.0))
+    ]
+    if refused:
+        tried = {float(c["interval"]) for found in variables.values() for c in found.get("candidates") or []}
+        span = f", {seconds_text(max(tried))} to {seconds_text(min(tried))}," if tried else ""
+        parts.append(f"<b>no Δτ</b> considered{span} suffices for <b>{_listed(refused)}</b>")
+    return f'<p class="headline">By the paper\'s rule {"; ".join(parts)}.</p>'
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Name variables, a vector once where all its components are among them."""
+    wholes = {name[:-2] for name in names if name.endswith(".x")}
+    wholes = {whole for whole in wholes if {f"{whole}.y", f"{whole}.z"} <= set(names)}
+    shown = dict.fromkeys(name[:-2] if name[:-2] in wholes else name for name in names)
+    return ", ".join(map(escape, shown))
 
 
 def deciding(found: Mapping[str, Any]) -> Mapping[str, Any] | None:
@@ -65,7 +101,7 @@ def feasibility_table(variables: Mapping[str, Any]) -> str:
     judged = {name: {c["interval"]: c for c in found.get("candidates") or []} for name, found in variables.items()}
     units = [str(found.get("unit") or "") for found in variables.values()]
     intervals = sorted({interval for own in judged.values() for interval in own}, reverse=True)
-    head = "".join(f"<th>{escape(str(name))}</th>" for name in variables)
+    head = "".join(f"<th>{_breakable(str(name))}</th>" for name in variables)
     body = "".join(
         f"<tr><th>{seconds_text(interval)}</th>{_cells([own.get(interval) for own in judged.values()], units)}</tr>"
         for interval in intervals
@@ -73,12 +109,18 @@ def feasibility_table(variables: Mapping[str, Any]) -> str:
     return f'<div class="scroll"><table class="kf"><tr><th>Δτ</th>{head}</tr>{body}</table></div>'
 
 
+def _breakable(name: str) -> str:
+    """Let a name break into lines after its dots and underscores."""
+    return escape(name).replace(".", ".<wbr>").replace("_", "_<wbr>")
+
+
 def table_legend() -> str:
     """Explain the colours and the frame of the table."""
     pills = " ".join(_pill(verdict) for verdict in VERDICTS)
     return (
-        f'<p class="legend quiet"><span>Our verdict:</span> {pills} <span class="framed">framed</span> '
-        "<span>sufficient by the paper's rule. Small: n<sub>c</sub> / n<sub>lr</sub>, and the error at unseen times "
+        f'<p class="legend quiet"><span>Our verdict:</span> {pills} '
+        '<span><span class="framed">framed ✓</span> sufficient by the paper\'s rule</span> '
+        "<span>Small: n<sub>c</sub> / n<sub>lr</sub>, and the error at unseen times "
         "of n<sub>lr</sub> … n<sub>c</sub> modes, d in bead diameters</span></p>"
     )
 
@@ -94,9 +136,10 @@ def _cell(candidate: Mapping[str, Any] | None, unit: str) -> str:
     style = f"{verdict if verdict in VERDICTS else ''}{' paper' if candidate.get('sufficient') else ''}"
     title = escape("; ".join(map(str, candidate.get("reasons") or [])))
     modes = f"{_count(candidate.get('n_c'))} / {_count(candidate.get('n_lr'))}"
-    rule = ", paper ✓" if candidate.get("sufficient") else ""
+    rule = " ✓" if candidate.get("sufficient") else ""
     K_f, left = _two_decimals(candidate.get("K_f")), escape(errors_text(candidate, unit))
-    errors = f"<small>{left}</small>" if left else ""
+    unbroken = left.replace(" ", "\u00a0").replace("…\u00a0", "… ")  # a narrow cell breaks between the two errors
+    errors = f"<small>{unbroken}</small>" if left else ""
     return f'<td class="{style}" title="{title}"><b>{K_f}</b><small>{modes}{rule}</small>{errors}</td>'
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 __all__ = ["bytes_text", "errors_text", "escape", "finite", "number", "seconds_text", "threads_text"]
 
+PLAIN = 1e6  # numbers below are written without a power of ten
 UNITS_OF_TIME = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"))
 
 
@@ -17,10 +18,17 @@ def finite(value: Any) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def number(value: Any, digits: int = 3) -> str:
-    """Return a number with so many significant digits, `–` where there is none."""
+def number(value: Any, digits: int = 3, sign: str = "") -> str:
+    """Return a number with so many significant digits, `–` where there is none; sign: `+` shows that of all.
+
+    >>> number(-104.3, 2), number(0.02, sign="+")
+    ('-100', '+0.02')
+    """
     known = finite(value)
-    return "–" if known is None else f"{known:.{digits}g}"
+    if known is None:
+        return "–"
+    text = f"{known:{sign}.{digits}g}"
+    return f"{float(text):{sign}.0f}" if "e+" in text and abs(known) < PLAIN else text
 
 
 def seconds_text(value: Any) -> str:

@@ -40,7 +40,7 @@ def winners_section(results: Mapping[str, Any]) -> Section | None:
         "by less than 1 %, or than the spread over seeds, is a tie."
     )
     below = f'<details><summary>In sentences</summary><ul class="verdicts">{items}</ul></details>'
-    table = f'<div class="scroll"><table class="plain">{head}{body}</table></div>'
+    table = f'<div class="scroll"><table class="plain words">{head}{body}</table></div>'
     return Section("Who wins", f'<p class="quiet">{text}</p>{table}', below=below)
 
 
@@ -100,7 +100,7 @@ def shown_error(row: Mapping[str, Any], name: str, what: Mapping[str, Any], digi
     """Write one error: what a surrogate creates with its sign, another's sign only where it is always the same."""
     size, bias = finite(row["errors"].get(name)), finite(row["bias"].get(name))
     if bias is not None and (what["error"] == "created" or abs(bias) > 0.99 * (size or 0.0)):
-        return f"{bias:+.{digits}g}" if bias else "0"
+        return number(bias, digits, "+") if bias else "0"
     return number(size, digits)
 
 

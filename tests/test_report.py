@@ -155,12 +155,23 @@ def test_the_page_loads_nothing_from_anywhere(results):
 
 def test_the_verdict_comes_first_and_names_the_interval_or_says_there_is_none(results):
     text = Page(render(results)).text
+    assert "By the paper's rule snapshots every 3 ms suffice for position.x; no Δτ considered, 4 ms to 3 ms," in text
     assert "sufficient position.x: snapshots every 3 ms suffice by the paper's rule, Kf ≥ 2: Kf 2.15" in text
     assert "at unseen times 20 … 43 modes leave 0.8 … 0.1 d. Our verdict" in text
     assert "undecidable position.y: not sufficient at any Δτ considered; the best is Kf 0.70" in text
     assert (
         text.index("Verdict") < text.index("Feasibility index") < text.index("Consistency") < text.index("Provenance")
     )
+
+
+def test_a_vector_is_named_once_where_all_its_components_share_a_verdict_and_many_refused_are_folded(results):
+    variables = results["select"]["variables"]
+    refused = variables.pop("position.y")
+    variables |= {f"velocity.{axis}": refused for axis in "xyz"} | {"fluid.velocity.x": refused}
+    page = Page(render(results))
+    assert "suffices for velocity, fluid.velocity.x." in page.text
+    assert "The 4 for which no Δτ considered sufficesundecidable velocity.x: not sufficient" in page.text
+    assert "details" in [tag for tag, _ in page.tags]
 
 
 def test_the_table_shows_every_candidate_by_our_verdict_and_by_the_papers_rule(results):

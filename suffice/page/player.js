@@ -1,5 +1,5 @@
 "use strict";
-// plays the particles: unpacks the frames in the page, draws each bead as a sphere, in two views that turn together
+// plays the particles in two views that turn together: what is drawn when, and what a hand does to it
 (() => {
   const said = document.querySelector(".player-said"), root = document.querySelector(".player");
   const section = root.closest("section");
@@ -7,65 +7,15 @@
   const { frames, particles: n, times, lowest, quantum, period, diameter } = facts;
   const find = (selector) => root.querySelector(selector);
 
-  // colours from 0 to the end of the scale, even steps; also the bar below the views
+  // colours from 0 to the end of the scale, even steps; also the bars below the views
   const RAMPS = {
     speed: ["#3b4cc0", "#2f8fbf", "#35b779", "#b5cf3a", "#fde04a"],
     error: ["#8d99a8", "#c9a24b", "#e8863a", "#d9442f", "#9c1560"],
+    fluid: ["#2b1b4d", "#6a3491", "#b253ac", "#e48fb9", "#fbe3ee"],
   };
-  const FIELD = 0.27; // tangent of half the angle of view
-  const HOME = { turn: 0.6, tilt: 0.35 };
-  const SECONDS = 8; // that all frames play
-
-  const VERTEX = `#version 300 es
-  in vec3 place; in float radius; in float level;
-  uniform mat3 turned; uniform vec3 middle; uniform float away, field, height, aspect;
-  out vec3 centre; out float r; out float shade;
-  void main() {
-    centre = turned * (place - middle) - vec3(0.0, 0.0, away);
-    r = radius; shade = level;
-    float z = -centre.z;
-    gl_Position = vec4(centre.x / field / aspect, centre.y / field, 0.0, z);
-    // a square around the sphere's outline, wider away from the middle of the view
-    gl_PointSize = 1.1 * r * height / field / sqrt(max(z * z - r * r, 1e-30)) * length(centre) / z + 2.0;
-  }`;
-  const FRAGMENT = `#version 300 es
-  precision highp float;
-  in vec3 centre; in float r; in float shade;
-  uniform float away, field, height, aspect, reach; uniform vec3 ramp[5];
-  out vec4 colour;
-  void main() {
-    // the ray through this pixel meets the sphere, or the pixel stays as it is
-    vec3 ray = normalize(vec3((gl_FragCoord.xy / height * 2.0 - vec2(aspect, 1.0)) * field, -1.0));
-    float along = dot(ray, centre), inside = along * along - dot(centre, centre) + r * r;
-    if (inside < 0.0) discard;
-    vec3 point = ray * (along - sqrt(inside)), normal = (point - centre) / r;
-    gl_FragDepth = clamp((-point.z - away + reach) / (2.0 * reach), 0.0, 1.0);
-    float at = clamp(shade, 0.0, 1.0) * 4.0;
-    int low = min(int(at), 3);
-    vec3 own = mix(ramp[low], ramp[low + 1], at - float(low));
-    float light = 0.38 + 0.62 * max(dot(normal, normalize(vec3(-0.4, 0.6, 0.8))), 0.0);
-    colour = vec4(own * light, 1.0);
-  }`;
-
-  async function inflated(name) {
-    const element = section.querySelector(`.player-stream[data-name="${name}"]`);
-    const bytes = Uint8Array.from(atob(element.textContent), (letter) => letter.charCodeAt(0));
-    element.remove(); // megabytes of text
-    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-    return new Response(stream).arrayBuffer();
-  }
-
-  // places (frames, 3, n): undoes what suffice/frames.py `pack` does
-  async function places(name) {
-    const bytes = new Uint8Array(await inflated(name)), size = frames * 3 * n, step = 3 * n;
-    const out = new Uint16Array(size);
-    for (let i = 0; i < size; i++) {
-      const folded = bytes[i] | (bytes[size + i] << 8);
-      out[i] = (folded >> 1) ^ -(folded & 1);
-    }
-    for (let order = 0; order < 2; order++) for (let i = step; i < size; i++) out[i] += out[i - step];
-    return out;
-  }
+  const HOME = { turn: 0.6, tilt: 0.35, zoom: 1, x: 0, y: 0 };
+  const LEAST = 0.5, MOST = 20; // of the zoom
+  const RATE = 15; // frames a second
 
   const at = (series, frame, axis, i) => lowest[axis] + quantum * series[(frame * 3 + axis) * n + i];
 
@@ -120,113 +70,57 @@
     return { middle, reach };
   }
 
-  const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-  const unit = (a) => a.map((x) => x / Math.hypot(...a));
-
-  // rows: right, up and towards the eye; `up` of the scene stays upright
-  function rotation(camera) {
-    const up = facts.up;
-    const side = unit(cross(up, Math.abs(up[0]) < 0.9 ? [1, 0, 0] : [0, 1, 0])), front = cross(side, up);
-    const [c, s, ct, st] = [Math.cos(camera.turn), Math.sin(camera.turn), Math.cos(camera.tilt), Math.sin(camera.tilt)];
-    const flat = side.map((x, k) => c * x + s * front[k]);
-    const eye = flat.map((x, k) => ct * x + st * up[k]);
-    const right = unit(cross(up, flat)), top = cross(eye, right);
-    return [0, 1, 2].flatMap((k) => [right[k], top[k], eye[k]]); // column by column
-  }
-
-  const rgb = (hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16) / 255);
-
-  function program(gl) {
-    const made = gl.createProgram();
-    for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
-      const shader = gl.createShader(kind);
-      gl.shaderSource(shader, text);
-      gl.compileShader(shader);
-      gl.attachShader(made, shader);
-    }
-    gl.linkProgram(made);
-    if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error("the shaders of the player do not link");
-    return made;
-  }
-
-  // a canvas that draws beads: returns draw(positions, levels, ramp, camera)
-  function view(canvas, radii, { middle, reach }) {
-    // what was drawn stays, so that the picture can be copied
-    const gl = canvas.getContext("webgl2", { preserveDrawingBuffer: true });
-    if (!gl) throw new Error("this browser has no WebGL 2, or it is switched off");
-    const made = program(gl), spot = (name) => gl.getUniformLocation(made, name);
-    const buffers = {};
-    gl.useProgram(made);
-    for (const [name, size] of [["place", 3], ["radius", 1], ["level", 1]]) {
-      const where = gl.getAttribLocation(made, name);
-      gl.bindBuffer(gl.ARRAY_BUFFER, buffers[name] = gl.createBuffer());
-      gl.enableVertexAttribArray(where);
-      gl.vertexAttribPointer(where, size, gl.FLOAT, false, 0, 0);
-    }
-    const send = (name, values, use) => {
-      gl.bindBuffer(gl.ARRAY_BUFFER, buffers[name]);
-      gl.bufferData(gl.ARRAY_BUFFER, values, use);
-    };
-    send("radius", radii, gl.STATIC_DRAW);
-    const ball = reach + radii.reduce((a, b) => Math.max(a, b), 0), away = 1.02 * ball * Math.hypot(1, 1 / FIELD);
-    gl.uniform3fv(spot("middle"), middle);
-    gl.uniform1f(spot("away"), away);
-    gl.uniform1f(spot("reach"), ball);
-    gl.uniform1f(spot("field"), FIELD);
-    gl.enable(gl.DEPTH_TEST);
-    return (positions, levels, ramp, camera) => {
-      const fine = Math.min(devicePixelRatio || 1, 2);
-      const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((x) => Math.max(Math.round(fine * x), 1));
-      if (canvas.width !== width) canvas.width = width;
-      if (canvas.height !== height) canvas.height = height;
-      gl.viewport(0, 0, width, height);
-      gl.uniform1f(spot("height"), height);
-      gl.uniform1f(spot("aspect"), width / height);
-      gl.uniformMatrix3fv(spot("turned"), false, rotation(camera));
-      gl.uniform3fv(spot("ramp"), ramp.flatMap(rgb));
-      send("place", positions, gl.DYNAMIC_DRAW);
-      send("level", levels, gl.DYNAMIC_DRAW);
-      gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT); // transparent: the page's own ground
-      gl.drawArrays(gl.POINTS, 0, n);
-    };
-  }
-
   const span = (value, unitText) => `${value.toPrecision(3)} ${unitText}`;
   const length = (metres) => (diameter ? span(metres / diameter, "d") : span(metres, "m"));
+  const metresPerSecond = (value) => `${value.toPrecision(2)} m/s or more`;
 
-  function start(truth, predictions, radii) {
+  function start({ radii, series, outlines, slices }) {
+    const [truth, ...predictions] = series;
     const room = around(truth), positions = new Float32Array(3 * n), levels = new Float32Array(n);
     const camera = { ...HOME };
     const colour = find("[name=player-colour]"), interval = find("[name=player-interval]");
-    const scrub = find(".scrub"), play = find(".play");
+    const plane = find("[name=player-fluid]"), scrub = find(".scrub"), play = find(".play");
     root.hidden = false;
     said.hidden = true;
-    const [left, right] = [...root.querySelectorAll("canvas")].map((canvas) => view(canvas, radii, room));
+    const canvases = [...root.querySelectorAll("canvas")];
+    const views = canvases.map((canvas) => playerView.view(canvas, { radii, outlines }, room, facts));
+    const moving = 12 * facts.bodies.filter((body) => body.moves).length;
 
     function draw() {
       const frame = Number(scrub.value), found = facts.predictions[interval.value];
-      const series = predictions[interval.value], ramp = RAMPS[colour.value];
-      const slow = colour.value === "speed";
-      for (const [drawn, paint] of [[truth, left], [series, right]]) {
-        if (slow) speeds(drawn, frame, levels);
-        else errors(truth, series, frame, found.largest, levels);
-        fill(drawn, frame, positions);
-        paint(positions, levels, ramp, camera);
+      const shown = [truth, predictions[interval.value]], ramp = RAMPS[colour.value];
+      const slow = colour.value === "speed", cut = slices[plane?.value]; // none: the whole of the beads
+      const ink = getComputedStyle(root).color.match(/[\d.]+/g).slice(0, 3).map((part) => part / 255);
+      const moves = outlines.moved?.subarray(frame * moving, (frame + 1) * moving);
+      for (const [which, paint] of views.entries()) {
+        if (slow) speeds(shown[which], frame, levels);
+        else errors(truth, shown[1], frame, found.largest, levels);
+        fill(shown[which], frame, positions);
+        const bytes = cut?.levels(which && 1 + Number(interval.value), frame);
+        const fluid = cut ? { plane: cut, bytes, ramp: RAMPS.fluid } : null;
+        paint({ positions, levels, ramp, camera, moves, ink, fluid });
       }
-      find(".named").textContent = `${found.surrogate}, ${found.modes} modes`;
-      find(".ramp i").style.background = `linear-gradient(to right, ${ramp.join(", ")})`;
-      find(".ramp .end").textContent = slow ? `${facts.fastest.toPrecision(2)} m/s or more` : `${length(found.largest)} or more`;
+      scale(".ramp", ramp, slow ? metresPerSecond(facts.fastest) : `${length(found.largest)} or more`);
+      if (plane) scale(".fluid-ramp", RAMPS.fluid, metresPerSecond(facts.fluid.fastest));
+      if (plane) find(".fluid-ramp").hidden = !cut;
+      const own = cut ? facts.fluid.predictions[interval.value] : null;
+      find(".named").textContent =
+        `${found.surrogate}, ${found.modes} modes` + (own ? `; fluid: ${own.surrogate}, ${own.modes} modes` : "");
       const kind = found.kept[frame] ? "trained on" : "unseen";
       find(".moment").textContent =
         `t = ${(1e3 * times[frame]).toFixed(1)} ms, ${kind}, RMSE ${length(found.frame_rmse[frame])}`;
       section.dataset.frame = frame;
     }
+    function scale(selector, ramp, end) {
+      find(`${selector} i`).style.background = `linear-gradient(to right, ${ramp.join(", ")})`;
+      find(`${selector} .end`).textContent = end;
+    }
 
     let playing = 0, began = 0;
     function tick(now) {
       if (!playing) return;
-      began ||= now - (Number(scrub.value) * SECONDS * 1e3) / frames;
-      const frame = Math.floor(((now - began) * frames) / (SECONDS * 1e3)) % frames;
+      began ||= now - (Number(scrub.value) * 1e3) / RATE;
+      const frame = Math.floor(((now - began) * RATE) / 1e3) % frames;
       if (frame !== Number(scrub.value)) {
         scrub.value = frame;
         draw();
@@ -239,42 +133,30 @@
       play.textContent = on ? "Pause" : "Play";
       playing = on ? requestAnimationFrame(tick) : 0;
     }
-    play.addEventListener("click", () => set(!playing));
-    scrub.addEventListener("input", () => { set(false); draw(); });
-    for (const pick of [colour, interval]) pick.addEventListener("change", draw);
-    for (const canvas of root.querySelectorAll("canvas")) {
-      let held = null; // where the finger or the mouse was last
-      canvas.addEventListener("pointerdown", (event) => {
-        canvas.setPointerCapture(event.pointerId);
-        held = event;
-      });
-      for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => { held = null; });
-      canvas.addEventListener("pointermove", (event) => {
-        if (held?.pointerId !== event.pointerId) return;
-        camera.turn -= ((event.clientX - held.clientX) * Math.PI) / canvas.clientWidth;
-        camera.tilt += ((event.clientY - held.clientY) * Math.PI) / canvas.clientWidth;
-        held = event;
-        camera.tilt = Math.min(Math.max(camera.tilt, -1.5), 1.5); // at the poles there is no upright
-        draw();
-      });
-      canvas.addEventListener("dblclick", () => { Object.assign(camera, HOME); draw(); });
+    function step(by) {
+      set(false);
+      scrub.value = Number(scrub.value) + by;
+      draw();
     }
+    play.addEventListener("click", () => set(!playing));
+    scrub.addEventListener("input", () => step(0));
+    for (const pick of [colour, interval, plane]) pick?.addEventListener("change", draw);
+    root.addEventListener("keydown", (event) => {
+      const { key, target } = event, by = { ArrowLeft: -1, ArrowRight: 1 }[key];
+      if (target instanceof HTMLSelectElement || event.ctrlKey || event.altKey || event.metaKey) return;
+      if (key === " " && target !== play) set(!playing); // a button knows its own key
+      else if (by && target !== scrub) step(by); // a slider its own
+      else return;
+      event.preventDefault();
+    });
+    canvases.forEach((canvas) => playerHand(canvas, camera, { home: HOME, least: LEAST, most: MOST }, draw));
     new ResizeObserver(draw).observe(find(".stages"));
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
     draw();
     section.dataset.player = "ready";
   }
 
-  async function unpack() {
-    if (typeof DecompressionStream === "undefined") {
-      throw new Error("this browser cannot inflate them (no DecompressionStream); one of 2023 or later can");
-    }
-    const radii = new Float32Array(await inflated("radius"));
-    const truth = await places("truth"), predictions = [];
-    for (const i of facts.predictions.keys()) predictions.push(await places(i));
-    start(truth, predictions, radii);
-  }
-
-  unpack().catch((error) => {
+  playerData.read(section, facts).then(start).catch((error) => {
     root.hidden = true;
     said.hidden = false;
     said.textContent = `The particles cannot be shown: ${error.message}.`;

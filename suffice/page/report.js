@@ -14,13 +14,15 @@
         layout[name] = typeof own === "object" ? { ...layout[name], ...own } : own;
       }
     }
+    const named = figure.data.filter((line) => line.showlegend !== false).length;
+    const tall = narrow ? 470 + 12 * Math.max(named - 8, 0) : 430; // the legend takes half of a narrow figure
     const out = {
-      ...layout, autosize: true, height: layout.height || (narrow ? 470 : 430), paper_bgcolor: card, plot_bgcolor: card,
+      ...layout, autosize: true, height: layout.height || tall, paper_bgcolor: card, plot_bgcolor: card,
       font: { color: ink, size: narrow ? 11 : 13, family: getComputedStyle(document.body).fontFamily },
       margin: { l: narrow ? 46 : 64, r: narrow ? 8 : 16, t: 14, b: 48 },
       legend: narrow
-        ? { orientation: "h", y: -0.2, yanchor: "top", x: 0, font: { size: 11 } }
-        : { x: 1.01, y: 1, ...(layout.legend || {}) },
+        ? { orientation: "h", y: -0.2, yanchor: "top", x: 0, font: { size: 11 }, tracegroupgap: 0 }
+        : { x: 1.01, y: 1, tracegroupgap: 0, ...(layout.legend || {}) },
       hoverlabel: { bgcolor: card, bordercolor: grid, font: { color: ink } },
       dragmode: narrow ? false : "zoom",
     };
@@ -39,6 +41,7 @@
     const figure = figures[panel.id][key];
     if (!figure) return;
     const copy = structuredClone(figure);
+    for (const line of copy.data) if (line.error_y) line.error_y.color ??= colour("--ink");
     const config = { displaylogo: false, responsive: true, displayModeBar: false, doubleClick: "reset" };
     Plotly.react(panel, copy.data, themed(copy, panel.clientWidth), config);
   }
