@@ -29,49 +29,55 @@ class View(NamedTuple):
     width: float  # m, shown
     height: float  # m
     pixels: int  # of the width
-    cut: tuple[Array, float] | None = None  # unit normal n and m: only n·x ≤ m is drawn, and beads whose centre is there
+    cut: tuple[Array, float] | None = None  # unit normal n and m: what has n·x > m is taken away, beads by their centre
 
     @property
-    def size(self) -> tuple[int, int]:
-        """Height and width in pixels."""
-        return max(round(self.pixels * self.height / self.width), 1), self.pixels
+    def scale(self) -> float:
+        """Rays per metre."""
+        return self.pixels * FINER / self.width
+
+    @property
+    def rows(self) -> int:
+        """Height in pixels."""
+        return max(round(self.pixels * self.height / self.width), 1)
+
+    def rays_of(self, position: Array) -> Array:
+        """Return positions (n, 3) m as column, row from the bottom and depth towards the eye, in rays."""
+        middle = 0.5 * FINER * np.array([self.pixels, self.rows, 0.0])
+        return np.asarray((position - self.centre) @ self.frame.T * self.scale + middle)
+
+    def cut_in_rays(self) -> tuple[Array, float] | None:
+        """Return the cutting plane of positions in rays."""
+        if self.cut is None:
+            return None
+        normal = self.frame @ self.cut[0]
+        on_it = self.rays_of((self.cut[1] * self.cut[0])[None])[0]
+        return normal, float(normal @ on_it)
 
 
-def picture(
-    view: View, position: Array, radius: Array, colours: Array, rods: Sequence[Rod] = (), *, opacity: float = 1.0
-) -> bytes:
+def bead_picture(view: View, position: Array, radius: Array, colours: Array, rods: Sequence[Rod] = ()) -> bytes:
     """Return beads and cylinders as a PNG on a clear ground.
 
     position: (n, 3) m; radius: (n,) m; colours: (n, 3) red, green and blue from 0 to 1; rods: the walls, of which
-    hollow ones are shown by their cut and their far side.
+    hollow ones are shown by their cut and their far side. Beads without a place or a radius are left out.
     """
-    buffer = blank(view.size[0] * FINER, view.size[1] * FINER, opacity)
-    scale = buffer.depth.shape[1] / view.width  # rays per metre
-    shift = np.array([buffer.depth.shape[1] / 2.0, buffer.depth.shape[0] / 2.0, 0.0])
-    cut = _cut(view, scale, shift)
+    buffer = blank(view.rows * FINER, view.pixels * FINER)
     seen = np.isfinite(position).all(axis=1) & (radius > 0)
     if view.cut is not None:
         seen &= position @ view.cut[0] <= view.cut[1]
-    centres = (position[seen] - view.centre) @ view.frame.T * scale + shift
-    add_spheres(buffer, centres, radius[seen] * scale, colours[seen])
+    add_spheres(buffer, view.rays_of(position[seen]), radius[seen] * view.scale, colours[seen])
+    add_rods(buffer, view, rods)
+    reach = 3.0 * float(np.median(radius[seen])) if seen.any() else 0.05 * view.width
+    return png_of(pixels_of(buffer, FINER, reach * view.scale))
+
+
+def add_rods(buffer: Buffer, view: View, rods: Sequence[Rod]) -> None:
+    """Draw cylinders, in m, where they are nearer than what is drawn."""
+    cut = view.cut_in_rays()
     for rod in rods:
-        add_rod(buffer, _in_view(rod, view, scale, shift), cut)
-    reach = 3.0 * float(np.median(radius[seen])) * scale if seen.any() else 0.05 * buffer.depth.shape[1]
-    return png_of(pixels_of(buffer, FINER, reach))
-
-
-def _cut(view: View, scale: float, shift: Array) -> tuple[Array, float] | None:
-    """Return the cutting plane in rays."""
-    if view.cut is None:
-        return None
-    normal = view.frame @ view.cut[0]
-    return normal, (view.cut[1] - float(view.cut[0] @ view.centre)) * scale + float(normal @ shift)
-
-
-def _in_view(rod: Rod, view: View, scale: float, shift: Array) -> Rod:
-    centre = view.frame @ (rod.centre - view.centre) * scale + shift
-    length = None if rod.length is None else rod.length * scale
-    return rod._replace(centre=centre, axis=view.frame @ rod.axis, radius=rod.radius * scale, length=length)
+        length = None if rod.length is None else rod.length * view.scale
+        centre, axis = view.rays_of(rod.centre[None])[0], view.frame @ rod.axis
+        add_rod(buffer, rod._replace(centre=centre, axis=axis, radius=rod.radius * view.scale, length=length), cut)
 
 
 def add_spheres(buffer: Buffer, centres: Array, radius: Array, colours: Array) -> None:
@@ -102,7 +108,7 @@ def add_spheres(buffer: Buffer, centres: Array, radius: Array, colours: Array) -
     point = np.stack([place % width + 0.5, place // width + 0.5, depth[place]], axis=1)
     buffer.normal.reshape(-1, 3)[place] = (point - centres[bead]) / radius[bead, None]
     buffer.colour.reshape(-1, 3)[place] = colours[bead]
-    buffer.opacity.reshape(-1)[place] = buffer.solid
+    buffer.opacity.reshape(-1)[place] = 1.0
 
 
 def add_rod(buffer: Buffer, rod: Rod, cut: tuple[Array, float] | None) -> None:
@@ -123,9 +129,9 @@ def add_rod(buffer: Buffer, rod: Rod, cut: tuple[Array, float] | None) -> None:
     if rod.hollow:
         inner = _through(window, rod, cut)
         hollow = meets & (inner.enters > inner.leaves) & (inner.enters >= outer.enters - 1e-6)
-        _put(buffer, window, hollow, inner.leaves, -inner.back, GLASS, SEEN_THROUGH * buffer.solid)
+        _put(buffer, window, hollow, inner.leaves, -inner.back, GLASS, SEEN_THROUGH)
         meets &= ~hollow
-    _put(buffer, window, meets, outer.enters, outer.front, STEEL, buffer.solid)
+    _put(buffer, window, meets, outer.enters, outer.front, STEEL, 1.0)
 
 
 Window = tuple[slice, slice]  # rows and columns of the buffer
@@ -176,7 +182,7 @@ def _through(window: Window, rod: Rod, cut: tuple[Array, float] | None) -> Passa
 
 
 def _radial(rod: Rod, column: Array, row: Array, axial: Array, depth: Array) -> Array:
-    """Unit vector away from the axis at a depth, (h, w, 3)."""
+    """Return the unit vector away from the axis at a depth, (h, w, 3)."""
     at = np.where(np.isfinite(depth), depth, 0.0)
     along = axial + at * rod.axis[2]
     return np.asarray((np.stack([column, row, at], axis=-1) - along[..., None] * rod.axis) / rod.radius)

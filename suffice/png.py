@@ -25,7 +25,9 @@ def png_of(pixels: Pixels) -> bytes:
     """
     height, width = pixels.shape[:2]
     palette, index = _palette(np.ascontiguousarray(pixels))
-    rows = np.hstack([np.zeros((height, 1), np.uint8), index.reshape(height, width)])  # no filter: indices are no levels
+    rows = np.hstack(
+        [np.zeros((height, 1), np.uint8), index.reshape(height, width)]
+    )  # no filter: indices are no levels
     return SIGNATURE + b"".join(
         (
             _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 3, 0, 0, 0)),

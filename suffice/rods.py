@@ -24,7 +24,7 @@ class Rod(NamedTuple):
     length: float | None  # m; None: endless
     hollow: bool  # particles are inside
     turns: bool  # its body rotates
-    table: int  # number of the shape within its wall; copies have the same
+    open: tuple[str, ...]  # ends left out, "+" where the axis points to
 
 
 class Rods(NamedTuple):
@@ -42,7 +42,7 @@ def rods_of(scene: Scene, time: float = 0.0) -> Rods:
     move_bodies(walls, time)
     rods, others = [], []
     for b, wall in enumerate(scene.walls):
-        for table, shape in enumerate(wall.shapes):
+        for shape in wall.shapes:
             if not isinstance(shape, Cylinder):
                 others.append(f"{shape.shape} of wall {wall.name}")
                 continue
@@ -50,8 +50,8 @@ def rods_of(scene: Scene, time: float = 0.0) -> Rods:
                 centre = walls.rotation[b] @ (np.array(copy.centre) - walls.centre[b]) + walls.centre[b]
                 axis = walls.rotation[b] @ (np.array(copy.axis) / np.linalg.norm(copy.axis))
                 turns, hollow = isinstance(wall.motion, Rotation), copy.particles == "inside"
-                place = centre + walls.shift[b]
-                rods.append(Rod(wall.name, place, axis, copy.radius, copy.length, hollow, turns, table))
+                ends, place = tuple(copy.open), centre + walls.shift[b]
+                rods.append(Rod(wall.name, place, axis, copy.radius, copy.length, hollow, turns, ends))
     return Rods(rods, list(dict.fromkeys(others)))
 
 

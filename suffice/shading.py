@@ -24,13 +24,12 @@ class Buffer(NamedTuple):
     normal: Array  # (h, w, 3)
     colour: Array  # (h, w, 3) from 0 to 1
     opacity: Array  # (h, w)
-    solid: float  # opacity of what is not glass
 
 
-def blank(height: int, width: int, solid: float = 1.0) -> Buffer:
+def blank(height: int, width: int) -> Buffer:
     """Return a buffer in which nothing is drawn."""
     shape = (height, width)
-    return Buffer(np.full(shape, -np.inf), np.zeros((*shape, 3)), np.zeros((*shape, 3)), np.zeros(shape), solid)
+    return Buffer(np.full(shape, -np.inf), np.zeros((*shape, 3)), np.zeros((*shape, 3)), np.zeros(shape))
 
 
 def pixels_of(buffer: Buffer, finer: int, reach: float) -> Pixels:
