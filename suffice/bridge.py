@@ -8,8 +8,10 @@ from numpy.typing import ArrayLike, NDArray
 from selection.intervals import candidates
 from suffice.compare import CONSISTENCY
 from suffice.reconstruction import Array, Case, Reduced, consistent_level, projection_errors, reduce
+from suffice.refusal import Refusal
 from suffice.run import Run
 from suffice.variables import held, held_velocity
+from suffice.wording import seconds_text
 from surrogates import SURROGATES, Surrogate
 
 ENERGY = 0.999  # that n_lr modes hold
@@ -61,12 +63,16 @@ def bridge_of(case: Case) -> Bridge:
 def bridges_of(run: Run, variable: str, intervals: list[float]) -> dict[float, Bridge]:
     """Return the bridges of a variable at every Δτ (s), coarse to fine.
 
-    Raises selection.InputError for a Δτ that the run cannot be thinned to.
+    Raises selection.InputError for a Δτ that the run cannot be thinned to, and Refusal for one that leaves no snapshot
+    to predict.
     """
+    subsets = candidates(run.times, intervals)
+    if len(subsets[-1].training) == len(subsets[-1].testing):
+        raise Refusal(f"Δτ = {seconds_text(subsets[-1].interval)} leaves no snapshot to predict; take a coarser one")
     values, rates = held(run, variable), held_velocity(run, variable)
     return {
         subset.interval: bridge_of(
             Case(values, rates, run.times, subset.training, np.setdiff1d(subset.testing, subset.training))
         )
-        for subset in candidates(run.times, intervals)
+        for subset in subsets
     }

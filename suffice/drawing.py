@@ -1,17 +1,21 @@
 """Strokes of an engineering drawing in SVG: outlines, dimension lines, leaders, in the colour of the text around."""
 
+import re
 from collections.abc import Sequence
 
 from suffice.wording import escape
 
 Point = tuple[float, float]
 
+SUBSCRIPT = re.compile(r"\b([A-Za-z])_([a-z]+)\b")
+
 ARROW = 5.0  # length of an arrow head
 LETTER = 6.0  # width of a letter of a dimension
 STYLE = (
     "<style>.drawn{fill:none;stroke:currentColor;stroke-width:1.3}.drawn.solid{fill:var(--card,Canvas)}"
     ".drawn.thin{stroke-width:.6;opacity:.75}.drawn.axis{stroke-width:.6;opacity:.75;stroke-dasharray:9 2.5 1.5 2.5}"
-    ".drawn.tip{fill:currentColor;stroke:none}.drawing text{fill:currentColor;font:11.5px system-ui,sans-serif;"
+    ".drawn.grid{stroke-width:.8;opacity:.22}.drawn.tip{fill:currentColor;stroke:none}"
+    ".drawn.curve{stroke-width:2}.drawing .head{font-weight:600}.drawing text{fill:currentColor;font:11.5px system-ui,sans-serif;"
     "text-anchor:middle}.drawing .left{text-anchor:start}.drawing .right{text-anchor:end}</style>"
 )
 
@@ -45,8 +49,8 @@ def line(a: Point, b: Point, kind: str = "") -> str:
 
 
 def text(at: Point, words: str, kind: str = "") -> str:
-    """Return words, in the middle of a place or, of kind `left` or `right`, with that end there."""
-    return f'<text class="{kind}" x="{_n(at[0])}" y="{_n(at[1])}">{escape(words)}</text>'
+    """Return words about a place, or of kind `left` or `right` with that end there; K_f is set with a subscript."""
+    return f'<text class="{kind}" x="{_n(at[0])}" y="{_n(at[1])}">{SUBSCRIPT.sub(_lowered, escape(words))}</text>'
 
 
 def arrow(at: Point, towards: Point) -> str:
@@ -56,6 +60,11 @@ def arrow(at: Point, towards: Point) -> str:
     back = at[0] - x, at[1] - y
     side = -0.32 * y, 0.32 * x
     return polygon([at, (back[0] + side[0], back[1] + side[1]), (back[0] - side[0], back[1] - side[1])], "tip")
+
+
+def _lowered(symbol: re.Match[str]) -> str:
+    low = f'<tspan dy="3" font-size="75%">{symbol[2]}</tspan>'
+    return f'{symbol[1]}{low}<tspan dy="-3">\u200b</tspan>'
 
 
 def fits(length: float, words: str) -> bool:

@@ -7,7 +7,7 @@ from sim import Scene
 from sim.vessel import Rotation
 from suffice.mill_views import Mill, end_view, mm, row_steps, rows_of, side_view, tip_of
 from suffice.rods import Rod, rods_of
-from suffice.solids import frame_of
+from suffice.viewpoint import down_of, frame_along
 from suffice.wording import escape
 
 Array = NDArray[np.float64]
@@ -25,8 +25,8 @@ def mill_of(scene: Scene) -> Mill | None:
     vessels = sorted((rod for rod in found.rods if rod.hollow), key=lambda rod: -rod.radius)
     if not vessels:
         return None
-    down = _down(scene)
-    frame = _frame(vessels[0].axis, down)
+    down = down_of(scene)
+    frame = frame_along(vessels[0].axis, down)
     origin = MM * vessels[0].centre
     rods = [_in_frame(rod, frame, origin) for rod in found.rods]
     along, pins, askew = [], [], []
@@ -54,21 +54,6 @@ def _turn(scene: Scene, axis: Array) -> float | None:
     if len(moving) != 1 or np.linalg.norm(np.cross(moving[0].axis, axis)) > ALIGNED * np.linalg.norm(moving[0].axis):
         return None
     return moving[0].rpm * float(np.sign(np.dot(moving[0].axis, axis)))
-
-
-def _down(scene: Scene) -> Array | None:
-    pull = np.array(scene.gravity.acceleration) if scene.gravity else np.zeros(3)
-    size = float(np.linalg.norm(pull))
-    return pull / size if size else None
-
-
-def _frame(axis: Array, down: Array | None) -> Array:
-    """Rows to the right, up and along the axis; gravity points down where it can."""
-    if down is None or np.linalg.norm(np.cross(axis, down)) < ALIGNED:
-        return frame_of(axis)
-    up = -down + (down @ axis) * axis
-    up /= np.linalg.norm(up)
-    return np.array([np.cross(up, axis), up, axis])
 
 
 def _in_frame(rod: Rod, frame: Array, origin: Array) -> Rod:

@@ -56,13 +56,33 @@ def _palette(pixels: Pixels) -> tuple[Pixels, Pixels]:
     _, place, count = np.unique((flat // COARSE).view(np.uint32), return_inverse=True, return_counts=True)
     place = place.ravel()
     found = np.stack([np.bincount(place, c) for c in flat.T], axis=1) / count[:, None]
-    kept = found[np.sort(np.argsort(-count, kind="stable")[:COLOURS])]
+    kept = _median_cut(found, count)
     for _ in range(ROUNDS):
         nearest = _nearest(found, kept)
-        weight = np.bincount(nearest, count, COLOURS)
-        mean = np.stack([np.bincount(nearest, count * c, COLOURS) for c in found.T], axis=1)
+        weight = np.bincount(nearest, count, len(kept))
+        mean = np.stack([np.bincount(nearest, count * c, len(kept)) for c in found.T], axis=1)
         kept = np.where(weight[:, None] > 0, mean / np.maximum(weight, 1.0)[:, None], kept)
     return np.rint(kept).astype(np.uint8), _nearest(found, kept).astype(np.uint8)[place]
+
+
+def _median_cut(colours: Array, count: NDArray[np.intp]) -> Array:
+    """Return the means of 256 boxes of colours (k, 4), or of each of fewer, (256, 4): the widest is halved each time."""
+    boxes = [np.arange(len(colours))]
+    weights = [_width(colours, count, boxes[0])]
+    for _ in range(min(COLOURS, len(colours)) - 1):
+        box = boxes.pop(at := int(np.argmax(weights)))
+        weights.pop(at)
+        order = box[np.argsort(colours[box, np.ptp(colours[box], axis=0).argmax()], kind="stable")]
+        below = np.cumsum(count[order])
+        half = min(max(int(np.searchsorted(below, below[-1] / 2.0)), 1), len(order) - 1)
+        boxes += [order[:half], order[half:]]
+        weights += [_width(colours, count, each) for each in boxes[-2:]]
+    return np.array([np.average(colours[box], axis=0, weights=count[box]) for box in boxes])
+
+
+def _width(colours: Array, count: NDArray[np.intp], box: NDArray[np.intp]) -> float:
+    """Weigh a box by how wide it is and by how many pixels it holds; one of a single colour cannot be halved."""
+    return float(np.ptp(colours[box], axis=0).max() * count[box].sum() ** 0.5) if len(box) > 1 else -1.0
 
 
 def _split(colours: NDArray[np.uint32]) -> Pixels:

@@ -15,7 +15,7 @@ RAMPS: Mapping[str, tuple[str, ...]] = {
 
 
 def colours_of(values: ArrayLike, end: float, ramp: str) -> Array:
-    """Return red, green and blue from 0 to 1 of values from 0 to `end`, (…, 3); what lies beyond has the last colour."""
+    """Return red, green and blue (…, 3), 0 to 1, of values from 0 to `end`; beyond it the colour is that of the end."""
     steps = np.array([[int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5)] for colour in RAMPS[ramp]])
     level = np.clip(np.asarray(values, np.float64) / end, 0.0, 1.0) * (len(steps) - 1)
     return np.stack([np.interp(level, np.arange(len(steps)), channel) for channel in steps.T], axis=-1)

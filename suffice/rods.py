@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sim import Scene
 from sim.assembly import walls_of
-from sim.motion import move_bodies
+from sim.motion import move_bodies, rotation_about
 from sim.vessel import Cylinder, Rotation, WallTable
 
 Array = NDArray[np.float64]
@@ -60,14 +60,8 @@ def _copies(wall: WallTable, shape: Cylinder) -> Iterator[Cylinder]:
     if not isinstance(wall.motion, Rotation):
         yield shape
         return
-    point, axis = np.array(wall.motion.point), np.array(wall.motion.axis)
+    point, axis, turn = np.array(wall.motion.point), np.array(wall.motion.axis), np.zeros((3, 3))
     for k in range(shape.copies):
-        turn = turned(axis / np.linalg.norm(axis), 2.0 * np.pi * k / shape.copies)
+        rotation_about(axis / np.linalg.norm(axis), 2.0 * np.pi * k / shape.copies, turn)
         centre = turn @ (np.array(shape.centre) - point) + point
         yield shape.model_copy(update={"centre": tuple(centre), "axis": tuple(turn @ np.array(shape.axis))})
-
-
-def turned(axis: Array, angle: float) -> Array:
-    """Matrix (3, 3) of a turn by an angle about a unit vector (Rodrigues)."""
-    cross = np.cross(np.eye(3), -axis)
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from suffice.png import Pixels
 
 Array = NDArray[np.float64]
+Depths = NDArray[np.float32]
 
 LIGHT = np.array([-0.37, 0.56, 0.74])  # of length one; from the upper left, before the picture
 HALFWAY = np.array([-0.198, 0.3, 0.933])  # between the light and the eye
@@ -45,7 +46,8 @@ def pixels_of(buffer: Buffer, finer: int, reach: float) -> Pixels:
     height, width = (n // finer for n in buffer.depth.shape)
     mean = shown.reshape(height, finer, width, finer, 4).mean(axis=(1, 3))
     mean[..., :3] /= np.maximum(mean[..., 3:], 1e-6)
-    return np.rint(255.0 * mean[::-1]).astype(np.uint8)
+    shown_pixels: Pixels = np.rint(255.0 * mean[::-1]).astype(np.uint8)
+    return shown_pixels
 
 
 def hidden(depth: Array, reach: float) -> Array:
@@ -66,10 +68,12 @@ def hidden(depth: Array, reach: float) -> Array:
     return np.where(known, np.minimum(2.0 * total / NEIGHBOURS, 1.0), 0.0)
 
 
-def _moved(field: Array, rows: int, columns: int) -> Array:
+def _moved(field: Depths, rows: int, columns: int) -> Depths:
     """Return the field seen from each place so many rows and columns away; beyond the border nothing stands."""
     out = np.full_like(field, -1e9)
     height, width = field.shape
+    if abs(rows) >= height or abs(columns) >= width:
+        return out
     here = (slice(max(-rows, 0), min(height - rows, height)), slice(max(-columns, 0), min(width - columns, width)))
     there = (slice(max(rows, 0), min(height + rows, height)), slice(max(columns, 0), min(width + columns, width)))
     out[here] = field[there]
