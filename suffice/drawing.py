@@ -15,7 +15,8 @@ STYLE = (
     "<style>.drawn{fill:none;stroke:currentColor;stroke-width:1.3}.drawn.solid{fill:var(--card,Canvas)}"
     ".drawn.thin{stroke-width:.6;opacity:.75}.drawn.axis{stroke-width:.6;opacity:.75;stroke-dasharray:9 2.5 1.5 2.5}"
     ".drawn.grid{stroke-width:.8;opacity:.22}.drawn.tip{fill:currentColor;stroke:none}"
-    ".drawn.curve{stroke-width:2}.drawing .head{font-weight:600}.drawing text{fill:currentColor;font:11.5px system-ui,sans-serif;"
+    ".drawn.curve{stroke-width:2}.drawing .head{font-weight:600}"
+    ".drawing text{fill:currentColor;font:11.5px system-ui,sans-serif;"
     "text-anchor:middle}.drawing .left{text-anchor:start}.drawing .right{text-anchor:end}</style>"
 )
 

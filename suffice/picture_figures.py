@@ -58,7 +58,7 @@ def side_by_side(pictures: Sequence[Sequence[Picture]]) -> str:
 def _picture(picture: Picture) -> str:
     note = f"<small>{escape(picture.note)}</small>" if picture.note else ""
     title = escape(picture.title)
-    image = f'<img src="{data_uri(picture.png)}" alt="{title}" loading="lazy">'
+    image = f'<img src="{data_uri(picture.png)}" alt="{title}">'
     return f'<figure class="{picture.kind}"><figcaption>{title}{note}</figcaption>{image}</figure>'
 
 

@@ -66,7 +66,7 @@ def _palette(pixels: Pixels) -> tuple[Pixels, Pixels]:
 
 
 def _median_cut(colours: Array, count: NDArray[np.intp]) -> Array:
-    """Return the means of 256 boxes of colours (k, 4), or of each of fewer, (256, 4): the widest is halved each time."""
+    """Return the means of up to 256 boxes of colours (k, 4): of those there are, the widest is halved each time."""
     boxes = [np.arange(len(colours))]
     weights = [_width(colours, count, boxes[0])]
     for _ in range(min(COLOURS, len(colours)) - 1):

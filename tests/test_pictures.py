@@ -238,7 +238,7 @@ def numbers_of(html):
 
 
 def test_the_drawing_states_the_diameters_and_lengths_of_the_scene(mill):
-    said = numbers_of(mill_drawing(mill))
+    said = numbers_of(figure_4(mill))
     assert {38.0, 34.0, 10.0, 3.0, 11.0, 30.0, 1.0, 1000.0, 15.0} <= said
     assert {5.95, 7.37} <= said  # from the end wall to the first row, and between rows
 
@@ -267,7 +267,7 @@ def test_what_cannot_be_drawn_is_said(mill):
     assert "<svg" not in box
 
 
-def test_a_pin_that_stands_oblique_is_said_and_not_drawn_as_if_it_stood_straight(mill):
+def test_a_pin_that_stands_oblique_is_said_and_not_drawn_as_if_it_stood_straight():
     text = scene_text("bead_mill_1").replace("axis = [1.0, 0.0, 0.0]", "axis = [1.0, 0.0, 0.5]", 1)
     html = mill_drawing(parse_scene(text, "mill"))
     assert "stands oblique" in html
@@ -322,8 +322,9 @@ def test_a_gallery_measures_distance_in_diameters(write_run, tmp_path):
     with Run(write_run(tmp_path / "run.h5", radius=5e-4)) as run:
         gallery = Gallery(run, 60)
         moment = gallery.moment(3)
-        assert gallery.distance(moment, moment.position + [2e-3, 0, 0]) == pytest.approx(np.full(run.n_particles, 2.0))
-        assert "off by 2 d" in gallery.off(moment, moment.position + [2e-3, 0, 0])
+        moved = moment.position + np.array([2e-3, 0.0, 0.0])
+        assert gallery.distance(moment, moved) == pytest.approx(np.full(run.n_particles, 2.0))
+        assert "off by 2 d" in gallery.off(moment, moved)
         place, speed = predicted(bridges_of(run, "position", [0.002])[0.002], moment.time)
         assert place.shape == moment.position.shape
         assert speed == pytest.approx(moment.speed, rel=0.1, abs=0.05 * moment.speed.max())
@@ -353,10 +354,9 @@ def test_what_prevents_a_figure_is_said(write_run, tmp_path):
         assert "no snapshot to predict" in figure_9(run, 0.001)
 
 
-def test_the_idea_is_drawn_with_the_numbers_of_the_study(mill):
+def test_the_idea_is_drawn_with_the_numbers_of_the_study():
     html = figure_3(0.003, 0.001, 11, 28)
     assert "Δτ = 3 ms" in html
     assert {11.0, 28.0, 2.55} <= numbers_of(html)
     assert ": sufficient" in html
     assert ": not sufficient" in figure_3(0.010, 0.001, 11, 9)
-    assert "Dimensions" in figure_4(mill)
