@@ -15,6 +15,7 @@ HALFWAY = np.array([-0.198, 0.3, 0.933])  # between the light and the eye
 AMBIENT, DIFFUSE, GLOSS, SHARPNESS = 0.52, 0.66, 0.14, 24.0
 DARKEST = 0.62  # of the light that a deep hole takes away
 NEIGHBOURS = 28  # rays whose depth is compared
+STEEPEST = 0.1  # cosine; a surface seen from its edge has next to no depth to compare
 GOLDEN = 2.39996  # rad: turns by it fill a disc evenly
 
 
@@ -40,7 +41,7 @@ def pixels_of(buffer: Buffer, finer: int, reach: float) -> Pixels:
     """
     cosine = np.maximum(buffer.normal @ LIGHT, 0.0)
     gloss = GLOSS * np.maximum(buffer.normal @ HALFWAY, 0.0) ** SHARPNESS
-    light = (AMBIENT + DIFFUSE * cosine) * (1.0 - DARKEST * hidden(buffer.depth, reach))
+    light = (AMBIENT + DIFFUSE * cosine) * (1.0 - DARKEST * hidden(buffer, reach))
     lit = np.clip(buffer.colour * light[..., None] + gloss[..., None], 0.0, 1.0)
     shown = np.concatenate([lit * buffer.opacity[..., None], buffer.opacity[..., None]], axis=-1)
     height, width = (n // finer for n in buffer.depth.shape)
@@ -50,21 +51,25 @@ def pixels_of(buffer: Buffer, finer: int, reach: float) -> Pixels:
     return shown_pixels
 
 
-def hidden(depth: Array, reach: float) -> Array:
-    """Share of the sky over each point that its neighbours hide, (h, w), by depth alone.
+def hidden(buffer: Buffer, reach: float) -> Array:
+    """Share of the sky over each point that its neighbours hide, (h, w).
 
-    Mean over neighbours at distances up to `reach` (rays) of the sine of the angle at which they rise.
+    Mean over neighbours at distances up to `reach` (rays) of the sine of the angle at which they rise over the plane
+    that touches the surface.
     """
-    known = np.isfinite(depth)
-    filled = np.where(known, depth, -1e9).astype(np.float32)
-    total = np.zeros(depth.shape, np.float32)
+    known = np.isfinite(buffer.depth)
+    filled = np.where(known, buffer.depth, -1e9).astype(np.float32)
+    total = np.zeros(filled.shape, np.float32)
+    facing = np.maximum(buffer.normal[..., 2], STEEPEST).astype(np.float32)
+    right, up = (buffer.normal[..., k].astype(np.float32) for k in (0, 1))
     for k in range(NEIGHBOURS):
         far = reach * np.sqrt((k + 0.5) / NEIGHBOURS)
         x, y = round(far * np.cos(GOLDEN * k)), round(far * np.sin(GOLDEN * k))
         rise = _moved(filled, y, x) - filled
-        sine = rise / np.sqrt(rise**2 + far**2)
+        over = rise * facing + x * right + y * up
+        sine = over / np.sqrt(rise**2 + far**2)
         # what stands far before a point is another thing, whose shadow would float
-        total += np.where((rise > 0) & (rise < 3.0 * reach), sine, 0.0)
+        total += np.where((over > 0) & (rise < 3.0 * reach), sine, 0.0)
     return np.where(known, np.minimum(2.0 * total / NEIGHBOURS, 1.0), 0.0)
 
 
