@@ -22,13 +22,15 @@ def mill_of(scene: Scene) -> Mill | None:
     None where no cylinder holds particles.
     """
     found = rods_of(scene)
-    vessels = sorted((rod for rod in found.rods if rod.hollow), key=lambda rod: -rod.radius)
+    cylinders = [rod for rod in found.rods if rod.other_radius is None]
+    cones = [f"cone of wall {rod.wall}" for rod in found.rods if rod.other_radius is not None]
+    vessels = sorted((rod for rod in cylinders if rod.hollow), key=lambda rod: -rod.radius)
     if not vessels:
         return None
     down = down_of(scene)
     frame = frame_along(vessels[0].axis, down)
     origin = MM * vessels[0].centre
-    rods = [_in_frame(rod, frame, origin) for rod in found.rods]
+    rods = [rod.scaled(MM, frame, frame @ (MM * rod.centre - origin)) for rod in cylinders]
     along, pins, askew = [], [], []
     for rod in rods:
         if np.linalg.norm(rod.axis[:2]) < ALIGNED:
@@ -41,7 +43,7 @@ def mill_of(scene: Scene) -> Mill | None:
         sorted((rod for rod in along if rod.hollow), key=lambda rod: -rod.radius),
         [rod for rod in along if not rod.hollow],
         pins,
-        list(dict.fromkeys([*found.others, *askew])),
+        list(dict.fromkeys([*cones, *found.others, *askew])),
         _turn(scene, vessels[0].axis),
         max((MM * table.largest for table in scene.particles), default=None),
         None if down is None else frame @ down,
@@ -54,12 +56,6 @@ def _turn(scene: Scene, axis: Array) -> float | None:
     if len(moving) != 1 or np.linalg.norm(np.cross(moving[0].axis, axis)) > ALIGNED * np.linalg.norm(moving[0].axis):
         return None
     return moving[0].rpm * float(np.sign(np.dot(moving[0].axis, axis)))
-
-
-def _in_frame(rod: Rod, frame: Array, origin: Array) -> Rod:
-    length = None if rod.length is None else MM * rod.length
-    centre = frame @ (MM * rod.centre - origin)
-    return rod._replace(centre=centre, axis=frame @ rod.axis, radius=MM * rod.radius, length=length)
 
 
 def mill_drawing(scene: Scene) -> str:

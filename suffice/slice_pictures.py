@@ -51,4 +51,6 @@ def _within(rod: Rod, point: Array) -> NDArray[np.bool_]:
     arm = point - rod.centre
     along = arm @ rod.axis
     out = np.linalg.norm(arm - along[..., None] * rod.axis, axis=-1)
-    return np.asarray((out <= rod.radius) & (np.abs(along) <= (np.inf if rod.length is None else 0.5 * rod.length)))
+    return np.asarray(
+        (out <= rod.radius_at(along)) & (np.abs(along) <= (np.inf if rod.length is None else 0.5 * rod.length))
+    )

@@ -37,7 +37,9 @@ def end_view(rods: Sequence[Rod], position: Array, down: Array | None, pixels: i
 
     position: (n, 3) m, which give the middle and the width where no vessel does.
     """
-    vessel = max((rod for rod in rods if rod.hollow), key=lambda rod: rod.radius, default=None)
+    vessel = max(
+        (rod for rod in rods if rod.hollow and rod.other_radius is None), key=lambda rod: rod.radius, default=None
+    )
     axis = np.array([0.0, 0.0, 1.0]) if vessel is None else vessel.axis
     frame = frame_along(axis, down)
     low, high = position.min(axis=0), position.max(axis=0)

@@ -360,3 +360,35 @@ def test_the_idea_is_drawn_with_the_numbers_of_the_study():
     assert {11.0, 28.0, 2.55} <= numbers_of(html)
     assert ": sufficient" in html
     assert ": not sufficient" in figure_3(0.010, 0.001, 11, 9)
+
+
+def funnel(axis, hollow=False, **other):
+    return rod(axis, radius=1.0, hollow=hollow)._replace(other_radius=3.0, **other)
+
+
+def test_a_cone_covers_its_trapezium_from_the_side_and_its_wide_end_from_either_end():
+    unit = (10.0 * FINER) ** 2
+    assert (rays([funnel((0, 1, 0))]).opacity > 0).sum() / unit == pytest.approx(6.0 * (2.0 + 6.0) / 2.0, rel=0.02)
+    for end in (1, -1):
+        assert (rays([funnel((0, 0, end))]).opacity > 0).sum() / unit == pytest.approx(np.pi * 9.0, rel=0.02)
+
+
+def test_the_side_of_a_cone_that_narrows_towards_the_eye_is_as_deep_as_it_is_wide_there():
+    """Radius 3 at z = -3 and 1 at z = 3: at a distance d from the axis the mantle is at z = 3 (2 - d)."""
+    buffer = rays([funnel((0, 0, -1))])
+    unit = 10.0 * FINER
+    away = np.hypot(40.5, 0.5) / unit
+    assert buffer.depth[100, 140] / unit == pytest.approx(3.0 * (2.0 - away))
+    assert buffer.normal[100, 140] == pytest.approx(np.array([3.0, 0.0, 1.0]) / 10**0.5, abs=0.03)
+
+
+def test_through_the_open_end_of_a_hopper_its_mantle_is_seen_from_within():
+    unit = 10.0 * FINER
+    shut, open_up = (rays([funnel((0, 0, 1), hollow=True, open=ends)]) for ends in ((), ("+",)))
+    place, away = (100, 140), np.hypot(40.5, 0.5) / unit
+    assert shut.depth[place] / unit > 3.0
+    assert shut.opacity[place] == 1.0
+    assert open_up.depth[place] / unit == pytest.approx(3.0 * (away - 2.0))
+    assert open_up.opacity[place] < 0.5
+    through = rays([funnel((0, 0, 1), hollow=True, open=("-", "+"))])
+    assert through.opacity[100, 100] == 0.0
