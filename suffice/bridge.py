@@ -1,5 +1,6 @@
 """The surrogate that pictures and the player show: cubics between the snapshots kept, on all consistent modes."""
 
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -60,8 +61,8 @@ def bridge_of(case: Case) -> Bridge:
     return Bridge(case, reduced, surrogate, n, n_c)
 
 
-def bridges_of(run: Run, variable: str, intervals: list[float]) -> dict[float, Bridge]:
-    """Return the bridges of a variable at every Δτ (s), coarse to fine.
+def bridges_of(run: Run, variable: str, intervals: Sequence[float]) -> Iterator[Bridge]:
+    """Yield the bridges of a variable at every Δτ (s), coarse to fine; it is read once.
 
     Raises selection.InputError for a Δτ that the run cannot be thinned to, and Refusal for one that leaves no snapshot
     to predict.
@@ -70,9 +71,12 @@ def bridges_of(run: Run, variable: str, intervals: list[float]) -> dict[float, B
     if len(subsets[-1].training) == len(subsets[-1].testing):
         raise Refusal(f"Δτ = {seconds_text(subsets[-1].interval)} leaves no snapshot to predict; take a coarser one")
     values, rates = held(run, variable), held_velocity(run, variable)
-    return {
-        subset.interval: bridge_of(
-            Case(values, rates, run.times, subset.training, np.setdiff1d(subset.testing, subset.training))
-        )
-        for subset in subsets
-    }
+    for subset in subsets:
+        unseen = np.setdiff1d(subset.testing, subset.training)
+        yield bridge_of(Case(values, rates, run.times, subset.training, unseen))
+
+
+def bridge_at(run: Run, variable: str, interval: float) -> Bridge:
+    """Return the bridge of a variable at one Δτ (s). Raises as `bridges_of` does."""
+    (bridge,) = bridges_of(run, variable, [interval])
+    return bridge

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sim import parse_scene
 from suffice.bead_pictures import View, bead_picture
-from suffice.bridge import Bridge, bridges_of
+from suffice.bridge import Bridge, bridge_at
 from suffice.ramps import colours_of
 from suffice.refusal import Refusal
 from suffice.rods import Rod, rods_of
@@ -109,7 +109,7 @@ def fluid_pictures(gallery: Gallery, moment: Moment, interval: float) -> tuple[b
         raise Refusal(f"{gallery.run.path} holds no velocity of a fluid")
     k = int(np.searchsorted(gallery.run.times, moment.time))
     truth = np.asarray(gallery.run.snapshot(k).values["fluid.velocity"], np.float64)
-    bridge = bridges_of(gallery.run, "fluid.velocity", [interval])[interval]
+    bridge = bridge_at(gallery.run, "fluid.velocity", interval)
     guess = bridge.at([moment.time])[0].reshape(truth.shape)
     speeds = [np.linalg.norm(field, axis=-1) for field in (truth, guess)]
     end = fastest_of(speeds[0])

@@ -9,7 +9,7 @@ from pod import InputError as UnfitSnapshots
 from selection.errors import InputError as UnfitIntervals
 from selection.intervals import candidates
 from sim import Scene
-from suffice.bridge import Bridge, bridges_of
+from suffice.bridge import Bridge, bridge_at, bridges_of
 from suffice.gallery import Gallery, Moment, fastest_of, fluid_pictures, predicted, unseen_moment
 from suffice.idea_drawing import idea_drawing
 from suffice.mill_drawing import mill_drawing
@@ -78,19 +78,15 @@ def _or_why_not(label: str, title: str, make: Callable[[], str]) -> str:
 
 
 def _verdict(interval: float, sufficient: float | None) -> str:
-    return "sufficient" if sufficient is not None and interval <= sufficient else "not sufficient"
+    return "sufficient" if sufficient is not None and interval <= sufficient else "insufficient"
 
 
 def _ms(time: float) -> str:
     return f"{1e3 * time:.6g} ms"
 
 
-def _bridge(run: Run, interval: float) -> Bridge:
-    return bridges_of(run, "position", [interval])[interval]
-
-
 def _figure_1(run: Run, interval: float, title: str) -> str:
-    gallery, bridge = Gallery(run, LARGE), _bridge(run, interval)
+    gallery, bridge = Gallery(run, LARGE), bridge_at(run, "position", interval)
     k = unseen_moment([bridge.case.training])
     moment = gallery.moment(k)
     place, speed = predicted(bridge, moment.time)
@@ -143,12 +139,11 @@ def _paths(gallery: Gallery, bridge: Bridge, moment: Moment, k: int) -> str:
 
 def _figure_5(run: Run, intervals: Sequence[float], sufficient: float | None, title: str) -> str:
     gallery = Gallery(run, MEDIUM)
-    coarse_first = sorted(intervals, reverse=True)
+    coarse_first = sorted(set(intervals), reverse=True)
     trainings = [subset.training for subset in candidates(run.times, coarse_first)]
     moment = gallery.moment(unseen_moment(trainings))
     shown = [[Picture(gallery.by_distance(moment, moment.position), "Simulation", f"t = {_ms(moment.time)}")]]
-    for interval in coarse_first:
-        bridge = _bridge(run, interval)
+    for bridge, interval in zip(bridges_of(run, "position", coarse_first), coarse_first, strict=True):
         place, _ = predicted(bridge, moment.time)
         note = f"{len(bridge.case.training)} snapshots, {bridge.modes} modes; {gallery.off(moment, place)}"
         picture = gallery.by_distance(moment, place)
@@ -161,7 +156,7 @@ def _figure_5(run: Run, intervals: Sequence[float], sufficient: float | None, ti
 
 
 def _figure_9(run: Run, interval: float, title: str) -> str:
-    gallery, bridge = Gallery(run, SMALL), _bridge(run, interval)
+    gallery, bridge = Gallery(run, SMALL), bridge_at(run, "position", interval)
     training = bridge.case.training
     start = int(training[2 * (len(training) - 1) // 3])
     stride = int(training[1] - training[0])

@@ -11,7 +11,7 @@ import pytest
 
 from sim import parse_scene, scene_text
 from suffice.bead_pictures import FINER, View, add_rods, bead_picture
-from suffice.bridge import bridges_of
+from suffice.bridge import bridge_at
 from suffice.gallery import Gallery, predicted, unseen_moment
 from suffice.mill_drawing import mill_drawing, mill_of
 from suffice.paper_pictures import figure_1, figure_3, figure_4, figure_5, figure_9
@@ -307,7 +307,7 @@ def test_the_moment_shown_is_as_far_as_can_be_from_what_any_was_trained_on():
 
 def test_a_bridge_passes_through_the_truth_as_closely_as_its_rmse_says(write_run, tmp_path):
     with Run(write_run(tmp_path / "run.h5", n_snapshots=81)) as run:
-        bridge = bridges_of(run, "position", [0.004])[0.004]
+        bridge = bridge_at(run, "position", 0.004)
         unseen = bridge.case.unseen
         truth = np.stack([run.snapshot(int(k)).values["position"] for k in unseen]).astype(float)
         found = bridge.at(run.times[unseen]).reshape(truth.shape)
@@ -325,7 +325,7 @@ def test_a_gallery_measures_distance_in_diameters(write_run, tmp_path):
         moved = moment.position + np.array([2e-3, 0.0, 0.0])
         assert gallery.distance(moment, moved) == pytest.approx(np.full(run.n_particles, 2.0))
         assert "off by 2 d" in gallery.off(moment, moved)
-        place, speed = predicted(bridges_of(run, "position", [0.002])[0.002], moment.time)
+        place, speed = predicted(bridge_at(run, "position", 0.002), moment.time)
         assert place.shape == moment.position.shape
         assert speed == pytest.approx(moment.speed, rel=0.1, abs=0.05 * moment.speed.max())
 
@@ -336,9 +336,9 @@ def test_the_figures_of_a_run_without_a_scene_hold_their_pictures(write_run, tmp
         fifth = figure_5(run, [0.01, 0.004, 0.002], 0.004)
         ninth = figure_9(run, 0.004)
     assert first.count("<img ") == 2  # there is no fluid
-    assert "not sufficient" in first
+    assert "insufficient" in first
     assert fifth.count("<img ") == 4
-    assert re.findall(r"Δτ = (\d+) ms, not sufficient<", fifth) == ["10"]
+    assert re.findall(r"Δτ = (\d+) ms, insufficient<", fifth) == ["10"]
     assert ninth.count("<img ") == 10
     assert (ninth.count('class="kept"'), ninth.count('class="between"')) == (2, 3)
     pictures = re.findall(r'src="data:image/png;base64,([^"]+)"', first + fifth + ninth)
