@@ -1,4 +1,4 @@
-"""The surrogate that pictures and the player show: cubics between the snapshots kept, on all consistent modes."""
+"""The surrogate that pictures show: cubics between the snapshots kept, on all consistent modes."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -46,12 +46,13 @@ class Bridge(NamedTuple):
         return float(np.sqrt(squares).mean())
 
 
-def bridge_of(case: Case) -> Bridge:
+def bridge_of(case: Case, energy: float = ENERGY) -> Bridge:
     """Fit Hermite's cubic on n_c modes, but no fewer than n_lr; a spline where the case has no rates.
 
-    Raises pod.InputError or surrogates.InputError where that cannot be done.
+    energy: the Lanczos ratio that defines n_lr (paper eq. (28)). Raises pod.InputError or surrogates.InputError where
+    that cannot be done.
     """
-    reduced = reduce(case, ENERGY)
+    reduced = reduce(case, energy)
     full = reduced.basis.modes.shape[1]
     n_c = consistent_level(reduced, case, CONSISTENCY)
     n = max(n_c, reduced.basis.n_lr or full)

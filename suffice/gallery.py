@@ -99,8 +99,8 @@ def unseen_moment(trainings: Sequence[NDArray[np.intp]]) -> int:
     return int(k[share.argmax()])
 
 
-def fluid_pictures(gallery: Gallery, moment: Moment, interval: float) -> tuple[bytes, bytes, float]:
-    """Return the speed of the fluid on the cut, simulated and predicted, and the end of its scale (m/s).
+def fluid_pictures(gallery: Gallery, moment: Moment, interval: float, fastest: float) -> tuple[bytes, bytes]:
+    """Return the speed of the fluid on the cut, simulated and predicted, coloured up to `fastest` (m/s).
 
     The surrogate is trained on the snapshots kept every `interval` (s). Raises `Refusal` for a run without a fluid.
     """
@@ -111,7 +111,8 @@ def fluid_pictures(gallery: Gallery, moment: Moment, interval: float) -> tuple[b
     truth = np.asarray(gallery.run.snapshot(k).values["fluid.velocity"], np.float64)
     bridge = bridge_at(gallery.run, "fluid.velocity", interval)
     guess = bridge.at([moment.time])[0].reshape(truth.shape)
-    speeds = [np.linalg.norm(field, axis=-1) for field in (truth, guess)]
-    end = fastest_of(speeds[0])
-    simulated, surrogate = (slice_picture(moment.view, grid, speed, end, moment.rods) for speed in speeds)
-    return simulated, surrogate, end
+    simulated, surrogate = (
+        slice_picture(moment.view, grid, np.linalg.norm(field, axis=-1), fastest, moment.rods)
+        for field in (truth, guess)
+    )
+    return simulated, surrogate

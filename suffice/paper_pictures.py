@@ -96,13 +96,14 @@ def _figure_1(run: Run, interval: float, title: str) -> str:
         Picture(gallery.by_speed(moment, place, speed, fastest), "Beads, surrogate", gallery.off(moment, place)),
     ]
     shown = [[picture] for picture in beads]
-    scales = ramp_html("speed", f"{number(fastest, 2)} m/s or more (beads)")
+    whose = "beads"
     if run.grid is not None:
-        simulated, surrogate, end = fluid_pictures(gallery, moment, interval)
+        simulated, surrogate = fluid_pictures(gallery, moment, interval, fastest)
         shown += [[Picture(simulated, "Fluid, simulation", when)], [Picture(surrogate, "Fluid, surrogate")]]
-        scales += ramp_html("speed", f"{number(end, 2)} m/s or more (fluid, on the cut)")
+        whose = "beads and fluid"
+    scale = ramp_html("speed", f"{number(fastest, 2)} m/s or more, {whose}")
     paths = _paths(gallery, bridge, moment, k)
-    body = f'<div class="drawings"><div class="charts">{paths}</div><div>{side_by_side(shown)}{scales}</div></div>'
+    body = f'<div class="drawings"><div class="charts">{paths}</div><div>{side_by_side(shown)}{scale}</div></div>'
     caption = (
         "Paths: the bead whose error over these times is the median of all, and one that only a hundredth exceeds. "
         "Pictures: the mill cut in its middle, at the time that lies farthest from those trained on. Surrogate: "

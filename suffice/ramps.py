@@ -25,4 +25,4 @@ def ramp_html(ramp: str, end: str) -> str:
     """Return the scale as a bar between 0 and a text, which must be escaped."""
     colours = ", ".join(RAMPS[ramp])
     bar = f'<i style="background:linear-gradient(to right, {colours})"></i>'
-    return f'<div class="ramp"><span>0</span>{bar}<span>{end}</span></div>'
+    return f'<div class="scale"><span>0</span>{bar}<span>{end}</span></div>'
