@@ -1,6 +1,8 @@
 """The paper's figures that show beads and fluid in space: 1, 5 and 9, and with them 3 and 4."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,14 +12,17 @@ from selection.errors import InputError as UnfitIntervals
 from selection.intervals import candidates
 from sim import Scene
 from suffice.bridge import Bridge, bridge_at, bridges_of
+from suffice.fields import scene_of
 from suffice.gallery import Gallery, Moment, fastest_of, fluid_pictures, predicted, unseen_moment
 from suffice.idea_drawing import idea_drawing
 from suffice.mill_drawing import mill_drawing
-from suffice.picture_figures import Curve, Picture, chart, not_shown, numbered, side_by_side
+from suffice.picture_figures import Curve, Picture, captioned, chart, side_by_side
+from suffice.player import sufficient_interval
 from suffice.ramps import ramp_html
 from suffice.refusal import Refusal
 from suffice.run import Run
-from suffice.wording import number, seconds_text
+from suffice.section import Section
+from suffice.wording import escape, number, seconds_text
 from surrogates import InputError as UnfitSeries
 
 Array = NDArray[np.float64]
@@ -30,51 +35,80 @@ MOST_MOMENTS = 6  # of Figure 9
 SIMULATED, PREDICTED, KEPT = "currentColor", "#e08214", "#3b8fd0"
 
 
-def figure_1(run: Run, interval: float, sufficient: float | None = None) -> str:
+def pictures_of(runs: Sequence[Path], cases: Sequence[Mapping[str, Any]], variable: str) -> dict[int, Section]:
+    """Return Figures 1, 3, 4, 5 and 9 of a study of cases by their numbers, as parts of the report.
+
+    runs, cases: the file of each case and its `select` as the report has it, the one that calibrates first and the one
+    that validates last; variable: of Figure 3. Figures 1 and 5 show the first case, at the coarsest Δτ and at all, 3
+    and 9 the last case at the largest Δτ that suffices for all of position, at the finest where none does.
+    """
+    levels = [sufficient_interval(case) for case in cases]
+    considered = [_candidates(case, variable) for case in cases]
+    intervals = [float(candidate["interval"]) for candidate in considered[0]]
+    last = min(considered[-1], key=lambda candidate: candidate["interval"])
+    if levels[-1] is not None:
+        last = next((each for each in considered[-1] if each["interval"] == levels[-1]), last)
+    with Run(runs[0]) as run:
+        found = {1: figure_1(run, max(intervals), levels[0]), 5: figure_5(run, intervals, levels[0])}
+        if "scene" in run.provenance:  # an imported run has none
+            found[4] = figure_4(scene_of(run))
+    with Run(runs[-1]) as run:
+        dense = run.interval or float(last["interval"])
+        limit = float(cases[-1]["select"]["variables"][variable]["thresholds"]["feasibility"])
+        found[3] = figure_3(float(last["interval"]), dense, int(last["n_lr"]), int(last["n_c"]), limit)
+        found[9] = figure_9(run, float(last["interval"]))
+    return dict(sorted(found.items()))
+
+
+def _candidates(case: Mapping[str, Any], variable: str) -> list[Mapping[str, Any]]:
+    return list(case["select"]["variables"][variable]["candidates"])
+
+
+def figure_1(run: Run, interval: float, sufficient: float | None = None) -> Section:
     """Return simulation against a surrogate trained every `interval` (s), meant to be too coarse (paper Figure 1).
 
     Left the paths of two beads, right beads and fluid between two snapshots trained on. sufficient: s, the largest Δτ
     that the rule finds sufficient; None where none is.
     """
-    title = f"Simulation and surrogate, Δτ = {seconds_text(interval)}, {_verdict(interval, sufficient)}"
-    return _or_why_not("Figure 1", title, lambda: _figure_1(run, interval, title))
+    title = f"Figure 1: simulation and surrogate at Δτ = {seconds_text(interval)}, {_verdict(interval, sufficient)}"
+    return Section(title, _or_why_not(lambda: _figure_1(run, interval)))
 
 
-def figure_3(interval: float, dense: float, n_lr: int, n_c: int, limit: float = 2.0) -> str:
+def figure_3(interval: float, dense: float, n_lr: int, n_c: int, limit: float = 2.0) -> Section:
     """Return the idea with the numbers of a study: Δτ and the dense interval (s), n_lr and n_c (paper Figure 3)."""
     every = seconds_text(dense)
     caption = (
         f"Snapshots every Δτ = {seconds_text(interval)} are decomposed into modes. Their coefficients are interpolated "
         f"in between, and each prediction is a sum of modes, here every {every}, at any other time just as well."
     )
-    return numbered("Figure 3", "The idea", idea_drawing(interval, dense, n_lr, n_c, limit), caption)
+    return Section("Figure 3: the idea", captioned(idea_drawing(interval, dense, n_lr, n_c, limit), caption))
 
 
-def figure_4(scene: Scene) -> str:
+def figure_4(scene: Scene) -> Section:
     """Return the dimensions of a mill (paper Figure 4)."""
-    return numbered("Figure 4", "Dimensions of the mill", mill_drawing(scene), "")
+    return Section("Figure 4: dimensions of the mill", mill_drawing(scene))
 
 
-def figure_5(run: Run, intervals: Sequence[float], sufficient: float | None = None) -> str:
+def figure_5(run: Run, intervals: Sequence[float], sufficient: float | None = None) -> Section:
     """Return one moment in the simulation and in surrogates of several Δτ (s), by distance (paper Figure 5).
 
     sufficient: s, the largest Δτ that the rule finds sufficient; None where none is.
     """
-    title = "The same moment at several Δτ"
-    return _or_why_not("Figure 5", title, lambda: _figure_5(run, intervals, sufficient, title))
+    body = _or_why_not(lambda: _figure_5(run, sorted(set(intervals), reverse=True), sufficient))
+    return Section("Figure 5: the same moment at several Δτ", body)
 
 
-def figure_9(run: Run, interval: float) -> str:
+def figure_9(run: Run, interval: float) -> Section:
     """Return reproductions and predictions over one training interval Δτ (s) (paper Figure 9)."""
-    title = f"Reproductions and predictions, Δτ = {seconds_text(interval)}"
-    return _or_why_not("Figure 9", title, lambda: _figure_9(run, interval, title))
+    title = f"Figure 9: reproductions and predictions at Δτ = {seconds_text(interval)}"
+    return Section(title, _or_why_not(lambda: _figure_9(run, interval)))
 
 
-def _or_why_not(label: str, title: str, make: Callable[[], str]) -> str:
+def _or_why_not(make: Callable[[], str]) -> str:
     try:
         return make()
     except (Refusal, UnfitIntervals, UnfitSnapshots, UnfitSeries) as error:
-        return not_shown(label, title, str(error))
+        return f'<p class="quiet">Not shown: {escape(str(error))}.</p>'
 
 
 def _verdict(interval: float, sufficient: float | None) -> str:
@@ -85,7 +119,7 @@ def _ms(time: float) -> str:
     return f"{1e3 * time:.6g} ms"
 
 
-def _figure_1(run: Run, interval: float, title: str) -> str:
+def _figure_1(run: Run, interval: float) -> str:
     gallery, bridge = Gallery(run, LARGE), bridge_at(run, "position", interval)
     k = unseen_moment([bridge.case.training])
     moment = gallery.moment(k)
@@ -109,7 +143,7 @@ def _figure_1(run: Run, interval: float, title: str) -> str:
         "Pictures: the mill cut in its middle, at the time that lies farthest from those trained on. Surrogate: "
         f"{bridge.surrogate.name} on {bridge.modes} modes of position, from {len(bridge.case.training)} snapshots."
     )
-    return numbered("Figure 1", title, body, caption)
+    return captioned(body, caption)
 
 
 def _paths(gallery: Gallery, bridge: Bridge, moment: Moment, k: int) -> str:
@@ -138,10 +172,9 @@ def _paths(gallery: Gallery, bridge: Bridge, moment: Moment, k: int) -> str:
     return "".join(charts)
 
 
-def _figure_5(run: Run, intervals: Sequence[float], sufficient: float | None, title: str) -> str:
+def _figure_5(run: Run, coarse_first: Sequence[float], sufficient: float | None) -> str:
     gallery = Gallery(run, MEDIUM)
-    coarse_first = sorted(set(intervals), reverse=True)
-    trainings = [subset.training for subset in candidates(run.times, coarse_first)]
+    trainings = [subset.training for subset in candidates(run.times, list(coarse_first))]
     moment = gallery.moment(unseen_moment(trainings))
     shown = [[Picture(gallery.by_distance(moment, moment.position), "Simulation", f"t = {_ms(moment.time)}")]]
     for bridge, interval in zip(bridges_of(run, "position", coarse_first), coarse_first, strict=True):
@@ -153,10 +186,10 @@ def _figure_5(run: Run, intervals: Sequence[float], sufficient: float | None, ti
         "The mill cut in its middle, at a time that none was trained on. Colour: distance of each bead from its place "
         f"in the simulation, in diameters d = {number(1e3 * gallery.diameter)} mm."
     )
-    return numbered("Figure 5", title, side_by_side(shown) + ramp_html("error", "1 d or more"), caption)
+    return captioned(side_by_side(shown) + ramp_html("error", "1 d or more"), caption)
 
 
-def _figure_9(run: Run, interval: float, title: str) -> str:
+def _figure_9(run: Run, interval: float) -> str:
     gallery, bridge = Gallery(run, SMALL), bridge_at(run, "position", interval)
     training = bridge.case.training
     start = int(training[2 * (len(training) - 1) // 3])
@@ -179,6 +212,4 @@ def _figure_9(run: Run, interval: float, title: str) -> str:
         f"Above the simulation, below {bridge.surrogate.name} on {bridge.modes} modes. The snapshots framed in green "
         "were trained on; those framed in blue were not."
     )
-    return numbered(
-        "Figure 9", title, side_by_side(shown) + ramp_html("speed", f"{number(fastest, 2)} m/s or more"), caption
-    )
+    return captioned(side_by_side(shown) + ramp_html("speed", f"{number(fastest, 2)} m/s or more"), caption)

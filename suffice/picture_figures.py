@@ -36,17 +36,9 @@ class Curve(NamedTuple):
     dots: bool = False  # points instead of a line
 
 
-def numbered(label: str, title: str, body: str, caption: str) -> str:
-    """Return a figure with its number; title in plain words, body and caption as HTML."""
-    return (
-        f'<figure class="numbered"><h3>{escape(label)} · {escape(title)}</h3>{body}'
-        f'<figcaption class="quiet">{caption}</figcaption></figure>'
-    )
-
-
-def not_shown(label: str, title: str, reason: str) -> str:
-    """Return a figure that says why there is none."""
-    return numbered(label, title, "", f"Not shown: {escape(reason)}.")
+def captioned(body: str, caption: str) -> str:
+    """Return a figure with its caption, both HTML."""
+    return f'<figure class="captioned">{body}<figcaption class="quiet">{caption}</figcaption></figure>'
 
 
 def side_by_side(pictures: Sequence[Sequence[Picture]]) -> str:

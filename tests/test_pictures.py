@@ -14,8 +14,8 @@ from suffice.bead_pictures import FINER, View, add_rods, bead_picture
 from suffice.bridge import bridge_at
 from suffice.gallery import Gallery, predicted, unseen_moment
 from suffice.mill_drawing import mill_drawing, mill_of
-from suffice.paper_pictures import figure_1, figure_3, figure_4, figure_5, figure_9
-from suffice.picture_figures import Curve, Picture, chart, numbered, side_by_side, ticks
+from suffice.paper_pictures import figure_1, figure_3, figure_4, figure_5, figure_9, pictures_of
+from suffice.picture_figures import Curve, Picture, chart, side_by_side, ticks
 from suffice.png import png_of
 from suffice.quantities import Grid
 from suffice.ramps import RAMPS, colours_of
@@ -238,7 +238,7 @@ def numbers_of(html):
 
 
 def test_the_drawing_states_the_diameters_and_lengths_of_the_scene(mill):
-    said = numbers_of(figure_4(mill))
+    said = numbers_of(figure_4(mill).body)
     assert {38.0, 34.0, 10.0, 3.0, 11.0, 30.0, 1.0, 1000.0, 15.0} <= said
     assert {5.95, 7.37} <= said  # from the end wall to the first row, and between rows
 
@@ -282,9 +282,8 @@ def test_gravity_points_down_in_the_view_along_the_axis(mill):
 
 def test_every_text_is_escaped():
     picture = Picture(b"", "<b>1 & 2</b>", 'note "<i>"')
-    html = side_by_side([[picture]]) + numbered("Figure <1>", "a<b", "", "")
-    html += chart([Curve("<s>", np.arange(3.0), np.arange(3.0), "red")], "t <ms>", "x & y")
-    for raw in ("<b>1", "<i>", "Figure <1>", "a<b", "<s>", "t <ms>", "x & y"):
+    html = side_by_side([[picture]]) + chart([Curve("<s>", np.arange(3.0), np.arange(3.0), "red")], "t <ms>", "x & y")
+    for raw in ("<b>1", "<i>", "<s>", "t <ms>", "x & y"):
         assert raw not in html
     assert "&lt;b&gt;1 &amp; 2&lt;/b&gt;" in html
 
@@ -335,8 +334,9 @@ def test_the_figures_of_a_run_without_a_scene_hold_their_pictures(write_run, tmp
         first = figure_1(run, 0.01, 0.002)
         fifth = figure_5(run, [0.01, 0.004, 0.002], 0.004)
         ninth = figure_9(run, 0.004)
+    assert first.title.endswith("10 ms, insufficient")
+    first, fifth, ninth = (figure.body for figure in (first, fifth, ninth))
     assert first.count("<img ") == 2  # there is no fluid
-    assert "insufficient" in first
     assert fifth.count("<img ") == 4
     assert re.findall(r"Δτ = (\d+) ms, insufficient<", fifth) == ["10"]
     assert ninth.count("<img ") == 10
@@ -345,21 +345,48 @@ def test_the_figures_of_a_run_without_a_scene_hold_their_pictures(write_run, tmp
     assert len(pictures) == 16
 
 
+def judged(chosen, **levels):
+    """What `select` says of a case: every Δτ from 5 to 2 ms, n_lr = 7, and n_c at one of them."""
+    candidates = [
+        {"interval": k / 1000, "n_lr": 7, "n_c": levels["n_c"] if k / 1000 == chosen else 3} for k in (5, 4, 3, 2)
+    ]
+    one = {"chosen_interval": chosen, "candidates": candidates, "thresholds": {"feasibility": 2.0}}
+    return {"select": {"variables": {f"position.{axis}": one for axis in "xyz"}}}
+
+
+def test_a_study_of_two_cases_shows_what_was_decided_in_each(write_run, tmp_path):
+    runs = [write_run(tmp_path / f"case{k}.h5", n_snapshots=61) for k in (1, 2)]
+    found = pictures_of(runs, [judged(0.003, n_c=15), judged(0.004, n_c=21)], "position.x")
+    assert list(found) == [1, 3, 5, 9]  # without a scene there is nothing to draw dimensions of
+    assert found[1].title.endswith("5 ms, insufficient")
+    assert {4.0, 7.0, 21.0, 3.0} <= numbers_of(found[3].body)
+    assert re.findall(r"Δτ = (\d+) ms, sufficient<", found[5].body) == ["3", "2"]
+    assert found[9].title.endswith("4 ms")
+
+
+def test_the_figures_of_a_run_with_a_fluid_say_why_beads_that_stand_still_are_not_shown(write_stirred, tmp_path):
+    case = judged(None)
+    run = write_stirred(tmp_path / "run.h5")
+    found = pictures_of([run, run], [case, case], "position.x")
+    assert "Not shown: " in found[1].body
+    assert "Not drawn: no cylinder of the scene holds particles" in found[4].body
+
+
 def test_what_prevents_a_figure_is_said(write_run, tmp_path):
     with Run(write_run(tmp_path / "run.h5", radius=np.nan)) as run:
-        assert "Not shown: " in figure_1(run, 0.01)
-        assert "no radii" in figure_9(run, 0.002)
+        assert "Not shown: " in figure_1(run, 0.01).body
+        assert "no radii" in figure_9(run, 0.002).body
     with Run(write_run(tmp_path / "other.h5")) as run:
-        assert "not a multiple" in unescape(figure_5(run, [0.0015]))
-        assert "no snapshot to predict" in figure_9(run, 0.001)
+        assert "not a multiple" in unescape(figure_5(run, [0.0015]).body)
+        assert "no snapshot to predict" in figure_9(run, 0.001).body
 
 
 def test_the_idea_is_drawn_with_the_numbers_of_the_study():
-    html = figure_3(0.003, 0.001, 11, 28)
+    html = figure_3(0.003, 0.001, 11, 28).body
     assert "Δτ = 3 ms" in html
     assert {11.0, 28.0, 2.55} <= numbers_of(html)
     assert ": sufficient" in html
-    assert ": not sufficient" in figure_3(0.010, 0.001, 11, 9)
+    assert ": not sufficient" in figure_3(0.010, 0.001, 11, 9).body
 
 
 def funnel(axis, hollow=False, **other):
