@@ -70,7 +70,8 @@ class Gallery:
     def off(self, moment: Moment, position: Array) -> str:
         """Say how far positions (n, 3) m are from those of a moment, in the mean and at most."""
         distance = self.distance(moment, position)
-        return f"off by {number(float(distance.mean()), 2)} d, at most {number(float(distance.max()), 2)} d"
+        mean, most = (number(float(value), 2) for value in (distance.mean(), distance.max()))
+        return f"off by {mean}\N{NO-BREAK SPACE}d, at most {most}\N{NO-BREAK SPACE}d"
 
 
 def predicted(bridge: Bridge, time: float) -> tuple[Array, Array]:

@@ -17,7 +17,6 @@ from suffice.gallery import Gallery, Moment, fastest_of, fluid_pictures, predict
 from suffice.idea_drawing import idea_drawing
 from suffice.mill_drawing import mill_drawing
 from suffice.picture_figures import Curve, Picture, captioned, chart, side_by_side
-from suffice.player import sufficient_interval
 from suffice.ramps import ramp_html
 from suffice.refusal import Refusal
 from suffice.run import Run
@@ -31,7 +30,7 @@ LARGE, MEDIUM, SMALL = 380, 320, 300  # pixels of a picture's width
 GAPS_SHOWN = 6  # training intervals over which a bead's path is drawn
 TYPICAL = (0.5, 0.99)  # share of the beads whose error is smaller than that of one whose path is drawn
 FINELY = 8  # points of a predicted path in a dense interval
-MOST_MOMENTS = 6  # of Figure 9
+MOST_MOMENTS = 5  # of Figure 9: a row of the page
 SIMULATED, PREDICTED, KEPT = "currentColor", "#e08214", "#3b8fd0"
 
 
@@ -39,38 +38,41 @@ def pictures_of(runs: Sequence[Path], cases: Sequence[Mapping[str, Any]], variab
     """Return Figures 1, 3, 4, 5 and 9 of a study of cases by their numbers, as parts of the report.
 
     runs, cases: the file of each case and its `select` as the report has it, the one that calibrates first and the one
-    that validates last; variable: of Figure 3. Figures 1 and 5 show the first case, at the coarsest Δτ and at all, 3
-    and 9 the last case at the largest Δτ that suffices for all of position, at the finest where none does.
+    that validates last; variable: by which Δτ is decided. Figures 1 and 5 show the first case, at the coarsest Δτ and
+    at all, 3 and 9 the last case at the Δτ chosen for it, at the finest where none is.
     """
-    levels = [sufficient_interval(case) for case in cases]
-    considered = [_candidates(case, variable) for case in cases]
-    intervals = [float(candidate["interval"]) for candidate in considered[0]]
-    last = min(considered[-1], key=lambda candidate: candidate["interval"])
-    if levels[-1] is not None:
-        last = next((each for each in considered[-1] if each["interval"] == levels[-1]), last)
+    first, judged = (case["select"]["variables"][variable] for case in (cases[0], cases[-1]))
+    intervals = [float(candidate["interval"]) for candidate in first["candidates"]]
+    last = _chosen(judged)
     with Run(runs[0]) as run:
-        found = {1: figure_1(run, max(intervals), levels[0]), 5: figure_5(run, intervals, levels[0])}
+        found = {
+            1: figure_1(run, max(intervals), first["chosen_interval"], variable),
+            5: figure_5(run, intervals, first["chosen_interval"], variable),
+        }
         if "scene" in run.provenance:  # an imported run has none
             found[4] = figure_4(scene_of(run))
     with Run(runs[-1]) as run:
         dense = run.interval or float(last["interval"])
-        limit = float(cases[-1]["select"]["variables"][variable]["thresholds"]["feasibility"])
+        limit = float(judged["thresholds"]["feasibility"])
         found[3] = figure_3(float(last["interval"]), dense, int(last["n_lr"]), int(last["n_c"]), limit)
         found[9] = figure_9(run, float(last["interval"]))
     return dict(sorted(found.items()))
 
 
-def _candidates(case: Mapping[str, Any], variable: str) -> list[Mapping[str, Any]]:
-    return list(case["select"]["variables"][variable]["candidates"])
+def _chosen(judged: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the candidate that is chosen for a variable, the finest where none is."""
+    finest_first = sorted(judged["candidates"], key=lambda candidate: float(candidate["interval"]))
+    return next((each for each in finest_first if each["interval"] == judged["chosen_interval"]), finest_first[0])
 
 
-def figure_1(run: Run, interval: float, sufficient: float | None = None) -> Section:
+def figure_1(run: Run, interval: float, sufficient: float | None, variable: str) -> Section:
     """Return simulation against a surrogate trained every `interval` (s), meant to be too coarse (paper Figure 1).
 
     Left the paths of two beads, right beads and fluid between two snapshots trained on. sufficient: s, the largest Δτ
-    that the rule finds sufficient; None where none is.
+    that the rule finds sufficient for a variable; None where none is.
     """
-    title = f"Figure 1: simulation and surrogate at Δτ = {seconds_text(interval)}, {_verdict(interval, sufficient)}"
+    enough = f"{_verdict(interval, sufficient)} for {escape(variable)}"
+    title = f"Figure 1: simulation and surrogate at Δτ = {seconds_text(interval)}, {enough}"
     return Section(title, _or_why_not(lambda: _figure_1(run, interval)))
 
 
@@ -89,12 +91,12 @@ def figure_4(scene: Scene) -> Section:
     return Section("Figure 4: dimensions of the mill", mill_drawing(scene))
 
 
-def figure_5(run: Run, intervals: Sequence[float], sufficient: float | None = None) -> Section:
+def figure_5(run: Run, intervals: Sequence[float], sufficient: float | None, variable: str) -> Section:
     """Return one moment in the simulation and in surrogates of several Δτ (s), by distance (paper Figure 5).
 
-    sufficient: s, the largest Δτ that the rule finds sufficient; None where none is.
+    sufficient: s, the largest Δτ that the rule finds sufficient for a variable; None where none is.
     """
-    body = _or_why_not(lambda: _figure_5(run, sorted(set(intervals), reverse=True), sufficient))
+    body = _or_why_not(lambda: _figure_5(run, sorted(set(intervals), reverse=True), sufficient, variable))
     return Section("Figure 5: the same moment at several Δτ", body)
 
 
@@ -172,7 +174,7 @@ def _paths(gallery: Gallery, bridge: Bridge, moment: Moment, k: int) -> str:
     return "".join(charts)
 
 
-def _figure_5(run: Run, coarse_first: Sequence[float], sufficient: float | None) -> str:
+def _figure_5(run: Run, coarse_first: Sequence[float], sufficient: float | None, variable: str) -> str:
     gallery = Gallery(run, MEDIUM)
     trainings = [subset.training for subset in candidates(run.times, list(coarse_first))]
     moment = gallery.moment(unseen_moment(trainings))
@@ -184,7 +186,8 @@ def _figure_5(run: Run, coarse_first: Sequence[float], sufficient: float | None)
         shown.append([Picture(picture, f"Δτ = {seconds_text(interval)}, {_verdict(interval, sufficient)}", note)])
     caption = (
         "The mill cut in its middle, at a time that none was trained on. Colour: distance of each bead from its place "
-        f"in the simulation, in diameters d = {number(1e3 * gallery.diameter)} mm."
+        f"in the simulation, in diameters d = {number(1e3 * gallery.diameter)} mm. Sufficient or "
+        f"not: by the rule for {escape(variable)}."
     )
     return captioned(side_by_side(shown) + ramp_html("error", "1 d or more"), caption)
 

@@ -323,7 +323,7 @@ def test_a_gallery_measures_distance_in_diameters(write_run, tmp_path):
         moment = gallery.moment(3)
         moved = moment.position + np.array([2e-3, 0.0, 0.0])
         assert gallery.distance(moment, moved) == pytest.approx(np.full(run.n_particles, 2.0))
-        assert "off by 2 d" in gallery.off(moment, moved)
+        assert "off by 2\N{NO-BREAK SPACE}d, at most 2\N{NO-BREAK SPACE}d" in gallery.off(moment, moved)
         place, speed = predicted(bridge_at(run, "position", 0.002), moment.time)
         assert place.shape == moment.position.shape
         assert speed == pytest.approx(moment.speed, rel=0.1, abs=0.05 * moment.speed.max())
@@ -331,10 +331,10 @@ def test_a_gallery_measures_distance_in_diameters(write_run, tmp_path):
 
 def test_the_figures_of_a_run_without_a_scene_hold_their_pictures(write_run, tmp_path):
     with Run(write_run(tmp_path / "run.h5", n_snapshots=81)) as run:
-        first = figure_1(run, 0.01, 0.002)
-        fifth = figure_5(run, [0.01, 0.004, 0.002], 0.004)
+        first = figure_1(run, 0.01, 0.002, "position.x")
+        fifth = figure_5(run, [0.01, 0.004, 0.002], 0.004, "position.x")
         ninth = figure_9(run, 0.004)
-    assert first.title.endswith("10 ms, insufficient")
+    assert first.title.endswith("10 ms, insufficient for position.x")
     first, fifth, ninth = (figure.body for figure in (first, fifth, ninth))
     assert first.count("<img ") == 2  # there is no fluid
     assert fifth.count("<img ") == 4
@@ -358,7 +358,7 @@ def test_a_study_of_two_cases_shows_what_was_decided_in_each(write_run, tmp_path
     runs = [write_run(tmp_path / f"case{k}.h5", n_snapshots=61) for k in (1, 2)]
     found = pictures_of(runs, [judged(0.003, n_c=15), judged(0.004, n_c=21)], "position.x")
     assert list(found) == [1, 3, 5, 9]  # without a scene there is nothing to draw dimensions of
-    assert found[1].title.endswith("5 ms, insufficient")
+    assert found[1].title.endswith("5 ms, insufficient for position.x")
     assert {4.0, 7.0, 21.0, 3.0} <= numbers_of(found[3].body)
     assert re.findall(r"Δτ = (\d+) ms, sufficient<", found[5].body) == ["3", "2"]
     assert found[9].title.endswith("4 ms")
@@ -374,10 +374,10 @@ def test_the_figures_of_a_run_with_a_fluid_say_why_beads_that_stand_still_are_no
 
 def test_what_prevents_a_figure_is_said(write_run, tmp_path):
     with Run(write_run(tmp_path / "run.h5", radius=np.nan)) as run:
-        assert "Not shown: " in figure_1(run, 0.01).body
+        assert "Not shown: " in figure_1(run, 0.01, None, "position.x").body
         assert "no radii" in figure_9(run, 0.002).body
     with Run(write_run(tmp_path / "other.h5")) as run:
-        assert "not a multiple" in unescape(figure_5(run, [0.0015]).body)
+        assert "not a multiple" in unescape(figure_5(run, [0.0015], None, "<i>").body)
         assert "no snapshot to predict" in figure_9(run, 0.001).body
 
 
