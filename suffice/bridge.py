@@ -11,11 +11,10 @@ from suffice.compare import CONSISTENCY
 from suffice.reconstruction import Array, Case, Reduced, consistent_level, projection_errors, reduce
 from suffice.refusal import Refusal
 from suffice.run import Run
+from suffice.selecting import thresholds_of
 from suffice.variables import held, held_velocity
 from suffice.wording import seconds_text
 from surrogates import SURROGATES, Surrogate
-
-ENERGY = 0.999  # that n_lr modes hold
 
 
 class Bridge(NamedTuple):
@@ -46,7 +45,7 @@ class Bridge(NamedTuple):
         return float(np.sqrt(squares).mean())
 
 
-def bridge_of(case: Case, energy: float = ENERGY) -> Bridge:
+def bridge_of(case: Case, energy: float) -> Bridge:
     """Fit Hermite's cubic on n_c modes, but no fewer than n_lr; a spline where the case has no rates.
 
     energy: the Lanczos ratio that defines n_lr (paper eq. (28)). Raises pod.InputError or surrogates.InputError where
@@ -71,10 +70,10 @@ def bridges_of(run: Run, variable: str, intervals: Sequence[float]) -> Iterator[
     subsets = candidates(run.times, intervals)
     if len(subsets[-1].training) == len(subsets[-1].testing):
         raise Refusal(f"Δτ = {seconds_text(subsets[-1].interval)} leaves no snapshot to predict; take a coarser one")
-    values, rates = held(run, variable), held_velocity(run, variable)
+    values, rates, energy = held(run, variable), held_velocity(run, variable), thresholds_of(variable).energy
     for subset in subsets:
         unseen = np.setdiff1d(subset.testing, subset.training)
-        yield bridge_of(Case(values, rates, run.times, subset.training, unseen))
+        yield bridge_of(Case(values, rates, run.times, subset.training, unseen), energy)
 
 
 def bridge_at(run: Run, variable: str, interval: float) -> Bridge:
