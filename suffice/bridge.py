@@ -13,8 +13,11 @@ from suffice.refusal import Refusal
 from suffice.run import Run
 from suffice.selecting import thresholds_of
 from suffice.variables import held, held_velocity
-from suffice.wording import seconds_text
+from suffice.wording import bytes_text, seconds_text
 from surrogates import SURROGATES, Surrogate
+
+
+MOST_MODES_BYTES = 4 * 2**30  # in double precision, and as much again on the way
 
 
 class Bridge(NamedTuple):
@@ -65,9 +68,13 @@ def bridges_of(run: Run, variable: str, intervals: Sequence[float]) -> Iterator[
     """Yield the bridges of a variable at every Δτ (s), coarse to fine; it is read once.
 
     Raises selection.InputError for a Δτ that the run cannot be thinned to, and Refusal for one that leaves no snapshot
-    to predict.
+    to predict, or whose modes take more than 4 GiB.
     """
     subsets = candidates(run.times, intervals)
+    size = 8 * run.variable(variable).shape[0] * len(subsets[-1].training)
+    if size > MOST_MODES_BYTES:
+        needed = f"{bytes_text(size)} for the modes of {variable} at Δτ = {seconds_text(subsets[-1].interval)}"
+        raise Refusal(f"{needed} are more than {bytes_text(MOST_MODES_BYTES)}; take a coarser Δτ")
     if len(subsets[-1].training) == len(subsets[-1].testing):
         raise Refusal(f"Δτ = {seconds_text(subsets[-1].interval)} leaves no snapshot to predict; take a coarser one")
     values, rates, energy = held(run, variable), held_velocity(run, variable), thresholds_of(variable).energy

@@ -19,6 +19,7 @@ from suffice.picture_figures import Curve, Picture, chart, side_by_side, ticks
 from suffice.png import png_of
 from suffice.quantities import Grid
 from suffice.ramps import RAMPS, colours_of
+from suffice.refusal import Refusal
 from suffice.rods import Rod, rods_of
 from suffice.run import Run
 from suffice.shading import blank
@@ -315,6 +316,12 @@ def test_a_bridge_passes_through_the_truth_as_closely_as_its_rmse_says(write_run
         velocity = np.stack([run.snapshot(int(k)).values["velocity"] for k in unseen])
         rate = bridge.rate_at(run.times[unseen]).reshape(truth.shape)
         assert np.sqrt(np.square(rate - velocity).mean()) < 0.05 * np.sqrt(np.square(velocity).mean())
+
+
+def test_a_bridge_too_large_for_memory_is_refused_with_its_size(write_run, tmp_path, monkeypatch):
+    monkeypatch.setattr("suffice.bridge.MOST_MODES_BYTES", 1000)
+    with Run(write_run(tmp_path / "run.h5")) as run, pytest.raises(Refusal, match="12.1 kB for the modes of position"):
+        bridge_at(run, "position", 0.002)
 
 
 def test_a_gallery_measures_distance_in_diameters(write_run, tmp_path):
