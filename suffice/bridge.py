@@ -16,7 +16,6 @@ from suffice.variables import held, held_velocity
 from suffice.wording import bytes_text, seconds_text
 from surrogates import SURROGATES, Surrogate
 
-
 MOST_MODES_BYTES = 4 * 2**30  # in double precision, and as much again on the way
 
 

@@ -320,7 +320,10 @@ def test_a_bridge_passes_through_the_truth_as_closely_as_its_rmse_says(write_run
 
 def test_a_bridge_too_large_for_memory_is_refused_with_its_size(write_run, tmp_path, monkeypatch):
     monkeypatch.setattr("suffice.bridge.MOST_MODES_BYTES", 1000)
-    with Run(write_run(tmp_path / "run.h5")) as run, pytest.raises(Refusal, match="12.1 kB for the modes of position"):
+    with (
+        Run(write_run(tmp_path / "run.h5")) as run,
+        pytest.raises(Refusal, match=r"12\.1 kB for the modes of position"),
+    ):
         bridge_at(run, "position", 0.002)
 
 
