@@ -339,6 +339,7 @@ def test_a_gallery_measures_distance_in_diameters(write_run, tmp_path):
         assert speed == pytest.approx(moment.speed, rel=0.1, abs=0.05 * moment.speed.max())
 
 
+@pytest.mark.physics
 def test_the_figures_of_a_run_without_a_scene_hold_their_pictures(write_run, tmp_path):
     with Run(write_run(tmp_path / "run.h5", n_snapshots=81)) as run:
         first = figure_1(run, 0.01, 0.002, "position.x")
@@ -364,6 +365,7 @@ def judged(chosen, **levels):
     return {"select": {"variables": {f"position.{axis}": one for axis in "xyz"}}}
 
 
+@pytest.mark.physics
 def test_a_study_of_two_cases_shows_what_was_decided_in_each(write_run, tmp_path):
     runs = [write_run(tmp_path / f"case{k}.h5", n_snapshots=61) for k in (1, 2)]
     found = pictures_of(runs, [judged(0.003, n_c=15), judged(0.004, n_c=21)], "position.x")
