@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pod import Basis
-from suffice.compare import CONSISTENCY
-from suffice.reconstruction import Case, consistent_level, projection_errors, reduce
-from surrogates import SURROGATES
+from suffice.bridge import bridge_of
+from suffice.reconstruction import Case
 
 Array = NDArray[np.float64]
 
@@ -37,13 +36,5 @@ def modelled(case: Case, energy: float, times: Array) -> Modelled:
     Hermite's cubic, a spline where the case has no rates, on n_c modes but no fewer than n_lr; energy: the Lanczos
     ratio that defines n_lr (paper eq. (28)). Raises pod.InputError where nothing moves or a value is not finite.
     """
-    reduced = reduce(case, energy)
-    full = reduced.basis.modes.shape[1]
-    n = max(consistent_level(reduced, case, CONSISTENCY), reduced.basis.n_lr or full)
-    name = "spline" if reduced.rates is None else "hermite"
-    rates = None if reduced.rates is None else reduced.rates[:, :n]
-    surrogate = SURROGATES[name]().fit(case.times[case.training], reduced.coefficients[case.training, :n], rates)
-    # modes are orthonormal: what projection leaves and what the coefficients miss add up
-    miss = surrogate.predict(case.times[case.unseen]) - reduced.coefficients[case.unseen, :n]
-    squares = projection_errors(reduced, case, n) ** 2 + np.square(miss).sum(axis=1) / len(reduced.basis.mean)
-    return Modelled(name, reduced.basis, surrogate.predict(times), float(np.sqrt(squares).mean()))
+    bridge = bridge_of(case, energy)
+    return Modelled(bridge.surrogate.name, bridge.reduced.basis, bridge.surrogate.predict(times), bridge.rmse())
