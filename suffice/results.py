@@ -6,15 +6,30 @@ import platform
 import time
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from suffice.refusal import Refusal
 from suffice.run import Run
 from suffice.variables import mean_diameter
 
 RUN, SELECTION, COMPARISON, LOG = "run.h5", "select.json", "compare.json", "stages.json"
-UNSEEN, OMISSIONS = "unseen.json", "omissions.json"  # of studies of several runs
+UNSEEN, OMISSIONS, PAPER = "unseen.json", "omissions.json", "paper.json"  # of studies of several runs
 LEDGER = "energy."
+
+
+class CaseFiles(NamedTuple):
+    """Where one of several cases lies in a study's folder."""
+
+    run: Path
+    cost: Path  # JSON, what simulating took
+    selection: Path  # JSON, verdicts and curves
+    measured: Path  # JSON, what surrogates trained on it err and take
+
+
+def case_files(folder: Path, k: int) -> CaseFiles:
+    """Return the files of case k = 0, 1, … of a study."""
+    ends = ("h5", "cost.json", "select.json", "measured.json")
+    return CaseFiles(*(folder / f"case_{k + 1}.{end}" for end in ends))
 
 
 def read_json(path: Path) -> Any:
@@ -36,12 +51,15 @@ def gather(folder: Path, study: str) -> dict[str, Any]:
     Raises Refusal where there is no run at all.
     """
     results: dict[str, Any] = {"study": study}
-    unseen, omissions = read_json(folder / UNSEEN), read_json(folder / OMISSIONS)
+    unseen, omissions, paper = (read_json(folder / name) for name in (UNSEEN, OMISSIONS, PAPER))
     first = RUN
     if unseen:
         results["unseen"], first = unseen, Path(unseen["runs"][0]["path"]).name
     elif omissions:
         results["omissions"], first = omissions, Path(omissions["runs"][0]).name
+    elif paper:
+        results |= {"paper": paper, "cases": [_of_case(folder, k) for k in range(len(paper["cases"]))]}
+        first = paper["cases"][0]["run"]
     with Run(folder / first) as run:
         if first == RUN:
             results |= _of_one_run(run)
@@ -56,6 +74,19 @@ def gather(folder: Path, study: str) -> dict[str, Any]:
             {"name": name, "seconds": entry["seconds"], "detail": entry["detail"]} for name, entry in log.items()
         ]
     return results
+
+
+def _of_case(folder: Path, k: int) -> dict[str, Any]:
+    """Return verdicts, curves and surrogates of a case under the names that those of one run have."""
+    files = case_files(folder, k)
+    with Run(files.run) as run:
+        return _of_one_run(run) | read_json(files.selection) | {"compare": read_json(files.measured)["compare"]}
+
+
+def played(folder: Path, results: dict[str, Any]) -> tuple[Path, dict[str, Any]]:
+    """Return the run that the player shows and its results: of several cases the last."""
+    cases = results.get("cases")
+    return (case_files(folder, len(cases) - 1).run, cases[-1]) if cases else (folder / RUN, results)
 
 
 def _of_one_run(run: Run) -> dict[str, Any]:

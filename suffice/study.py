@@ -20,12 +20,13 @@ from suffice.comparing import Comparing, compare_as_wished
 from suffice.door import write_json
 from suffice.lock import only_writer
 from suffice.omissions import Omissions, omission_stages
+from suffice.paper_cases import Cases, case_stages
 from suffice.player import player_of
 from suffice.progress import Reporter
 from suffice.readers import import_run
 from suffice.refusal import Refusal
 from suffice.report import write_report
-from suffice.results import COMPARISON, LOG, RUN, SELECTION, gather, read_json
+from suffice.results import COMPARISON, LOG, RUN, SELECTION, gather, played, read_json
 from suffice.run import Run
 from suffice.selecting import select_curves, select_json, select_run, thresholds_of
 from suffice.speeds import Speeds, speed_stages
@@ -59,9 +60,14 @@ class Study(Settings):
     compare: Comparing = Comparing()
     unseen: Speeds | None = Field(default=None, description="instead of one run, several rotor speeds, some unseen")
     omissions: Omissions | None = Field(default=None, description="instead of one run, variants with less physics")
+    cases: Cases | None = Field(default=None, description="instead of one run, the paper's two cases")
 
     @model_validator(mode="after")
     def _one_origin(self) -> "Study":
+        if self.cases is not None:
+            if self.model_fields_set - {"cases", "seed"}:
+                raise ValueError("[cases] names its own scenes; give no scene, [source] or other question beside it")
+            return self
         if (self.scene is None) == (self.source is None):
             raise ValueError("give either a scene or a table [source]")
         others = {"select", "compare", "unseen"} & self.model_fields_set
@@ -154,6 +160,8 @@ def stages_of(name: str, study: Study, home: Path, folder: Path, reporter: Repor
     """
     thresholds_of("", study.select.thresholds)
     study.compare.check()
+    if study.cases is not None:
+        return [*case_stages(study.cases, study.seed, home, folder, reporter), _reporting(name, folder)]
     if study.unseen is not None and study.scene is not None:
         return [*speed_stages(study.unseen, study.scene, study.seed, home, folder, reporter), _reporting(name, folder)]
     if study.omissions is not None and study.scene is not None:
@@ -221,7 +229,7 @@ def _compare(study: Study, folder: Path, reporter: Reporter) -> str:
 def make_report(folder: Path, name: str) -> str:
     """Gather what a folder holds into results.json and report.html; return a few words."""
     results = gather(folder, name)
-    player = player_of(folder / RUN, results)
+    player = player_of(*played(folder, results))
     # the frames are in the run already, and in the page
     write_json(results | ({} if player is None else {"player": player.facts}), str(folder / "results.json"))
     write_report(results | {"player": player}, folder / "report.html")
