@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from suffice.paper_differences import differences_of
-from suffice.paper_tables import Found, tables_of
+from suffice.paper_tables import tables_of
+from suffice.paper_trials import Found
 from suffice.paper_verdicts import verdicts_of
 
 

@@ -57,6 +57,7 @@ def measure_case(run: Run, wish: Wish, judged: Mapping[str, Judged], advance: Ad
     known = [reduce(window, thresholds_of(wish.variable).energy) for window in windows]
     candidates = {c["interval"]: c for c in judged[wish.variable]["candidates"]}
     modes = [modes_used(candidates[s.interval]) for s in shown]
+    last = int(candidates[shown[-1].interval]["n_lr"])  # the last mode that is needed
     return {
         "facts": facts_of(run),
         "unit": run.variable(wish.variable).unit,
@@ -65,7 +66,7 @@ def measure_case(run: Run, wish: Wish, judged: Mapping[str, Judged], advance: Ad
         "one_step": [_one_step(run, s.interval, rom) for s in subsets],
         "bytes_of_positions": int(np.prod(positions.shape)) * positions.dtype.itemsize,
         "convergence": dict(_convergence(run, list(judged), subsets[-1])),
-        "coefficients": _coefficients(rom, list(zip(shown, windows, known, modes, strict=True))),
+        "coefficients": _coefficients(rom, list(zip(shown, windows, known, modes, strict=True)), last),
         "history": [_history(s, window, one) for s, window, one in zip(shown, windows, known, strict=True)],
         "displacement": [_displacement(run, s) for s in subsets],
         "axis": _turning(run),
@@ -115,31 +116,45 @@ def _convergence(run: Run, names: Sequence[str], subset: Subset) -> Iterator[tup
         yield name, {"modes": len(basis.values), "energy": energy, "interval": subset.interval, **curves}
 
 
-def _coefficients(rom: str, cases: Sequence[tuple[Subset, Case, Reduced, int]]) -> dict[str, Any]:
-    """First coefficient over time, of the dense truth and of what ROMs predict, all on the first mode of the dense set.
+def _coefficients(rom: str, cases: Sequence[tuple[Subset, Case, Reduced, int]], last: int) -> list[dict[str, Any]]:
+    """Two coefficients over time, the first and that of mode `last`: the dense truth, and what ROMs predict.
 
-    With W̄ and φ of the dense set, c(t) = φᵀ(W(t) - W̄); of a ROM Ŵ = W̄_r + Σ ĉ_i φ_i that is
-    φᵀ(W̄_r - W̄) + Σ ĉ_i φᵀφ_i.
+    All on modes φ_k of the dense set: c_k(t) = φ_kᵀ(W(t) - W̄); of a ROM, Ŵ = W̄_r + Σ ĉ_i φ_i, that is
+    φ_kᵀ(W̄_r - W̄) + Σ ĉ_i φ_kᵀφ_i.
     """
-    first = cases[0][1]
-    dense = lanczos_pod(SnapshotMatrix(first.values), modes=1)
-    truth = dense.project(SnapshotMatrix(first.values))[:, 0]
-    predicted = []
-    for subset, case, reduced, n in cases:
-        surrogate = made(rom).fit(case.times[case.training], reduced.coefficients[case.training, :n])
-        ahead = surrogate.predict(case.times[case.unseen])
-        values = _on_first_mode(dense, reduced.basis, ahead)
-        rmse = float(np.sqrt(np.square(values - truth[case.unseen]).mean()))
-        predicted.append({"interval": subset.interval, "modes": n, "values": values.tolist(), "rmse": rmse})
-    spread = float(np.sqrt(np.square(truth).mean()))
-    return {"times": first.times.tolist(), "truth": truth.tolist(), "rms": spread, "predicted": predicted}
+    dense_set = cases[0][1]
+    matrix = SnapshotMatrix(dense_set.values)
+    dense = lanczos_pod(matrix, modes=last)
+    truth = dense.project(matrix)
+    numbers = sorted({1, dense.modes.shape[1]})
+    predicted = [_on_modes(dense, rom, *each) for each in cases]
+    return [
+        {
+            "mode": k,
+            "times": dense_set.times.tolist(),
+            "truth": truth[:, k - 1].tolist(),
+            "rms": float(np.sqrt(np.square(truth[:, k - 1]).mean())),
+            "predicted": [
+                {
+                    "interval": subset.interval,
+                    "modes": n,
+                    "values": values[:, k - 1].tolist(),
+                    "rmse": float(np.sqrt(np.square(values[:, k - 1] - truth[case.unseen, k - 1]).mean())),
+                }
+                for (subset, case, _, n), values in zip(cases, predicted, strict=True)
+            ],
+        }
+        for k in numbers
+    ]
 
 
-def _on_first_mode(dense: Basis, basis: Basis, coefficients: Array) -> Array:
-    """Project what a ROM predicts, (times, n), on the first mode of the dense snapshots."""
-    mode = dense.modes[:, 0]
-    offset = float(mode @ (basis.mean - dense.mean))
-    return np.asarray(offset + coefficients @ (mode @ basis.modes[:, : coefficients.shape[1]]))
+def _on_modes(dense: Basis, rom: str, _subset: Subset, case: Case, reduced: Reduced, n: int) -> Array:
+    """Project what a ROM on n modes predicts at the times of the window on the modes of the dense set, (times, p)."""
+    surrogate = made(rom).fit(case.times[case.training], reduced.coefficients[case.training, :n])
+    offset = (reduced.basis.mean - dense.mean) @ dense.modes
+    return np.asarray(
+        offset + surrogate.predict(case.times[case.unseen]) @ (reduced.basis.modes[:, :n].T @ dense.modes)
+    )
 
 
 def _history(subset: Subset, window: Case, reduced: Reduced) -> dict[str, Any]:
@@ -168,5 +183,7 @@ def _displacement(run: Run, subset: Subset) -> dict[str, Any]:
 def _turning(run: Run) -> str | None:
     """Name the axis that the rotor turns about; None where none turns, or not about x, y or z."""
     axis = setting_of(run).axis
-    along = [] if axis is None else [name for name, share in zip(AXES, axis.along, strict=True) if abs(share) > 1 - 1e-9]
+    along = (
+        [] if axis is None else [name for name, share in zip(AXES, axis.along, strict=True) if abs(share) > 1 - 1e-9]
+    )
     return along[0] if along else None

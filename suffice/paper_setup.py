@@ -55,8 +55,7 @@ def beside(names: Sequence[str], lists: Sequence[Sequence[Property]]) -> list[di
     known = [{(one.name, one.unit): one.value for one in own} for own in lists]
     keys = dict.fromkeys(key for own in known for key in own)
     rows = [
-        {"property": name, "unit": unit}
-        | {case: own.get((name, unit)) for case, own in zip(names, known, strict=True)}
+        {"property": name, "unit": unit} | {case: own.get((name, unit)) for case, own in zip(names, known, strict=True)}
         for name, unit in keys
     ]
     return [row for row in rows if any(row[case] is not None for case in names)]

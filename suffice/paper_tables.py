@@ -5,10 +5,9 @@ from typing import Any
 
 from sim import Scene, parse_scene
 from suffice.paper_setup import Property, beside, properties, setup
+from suffice.paper_trials import Found, Row, candidate_at, decided_interval, of_variable, one_step, trial_at
 
-Row = dict[str, Any]
-Found = Mapping[str, Any]  # all that was found of a case
-Columns = Mapping[str, tuple[str, str]]  # key: title and unit
+Columns = dict[str, tuple[str, str]]  # key: title and unit
 
 CAPTIONS = {
     "1": "Properties of particles and fluid, and conditions of the calculation",
@@ -50,35 +49,8 @@ FEASIBILITY: Columns = {
     "sufficient": ("K_f ≥ 2", ""),
     "verdict": ("our verdict", ""),
 }
+TRIED: Columns = {"R_rom_n_lr": ("R_c of the ROM", ""), "rmse_diameters_n_c": ("its error", "d")}
 DECIDED: Columns = {"case": ("case", ""), **TRAINING, "sufficient": ("sufficient", "")}
-
-
-def of_variable(found: Found, variable: str) -> Mapping[str, Any]:
-    """Return a variable of a case as `select` writes it."""
-    judged: Mapping[str, Any] = found["select"]["variables"][variable]
-    return judged
-
-
-def candidate_at(found: Found, variable: str, interval: float) -> Mapping[str, Any]:
-    """Return what `select` says of a variable at a Δτ (s)."""
-    return next(c for c in of_variable(found, variable)["candidates"] if c["interval"] == interval)
-
-
-def decided_interval(found: Found, variable: str) -> tuple[float, bool]:
-    """Return the sufficient Δτ (s), or the finest considered, and whether it is sufficient by the paper's rule."""
-    judged = of_variable(found, variable)
-    chosen = judged["chosen_interval"]
-    return (judged["candidates"][-1]["interval"], False) if chosen is None else (chosen, True)
-
-
-def solver_seconds(found: Found) -> float | None:
-    """Return what the solver needs for one dense interval, s; None where it was not measured.
-
-    By the speed of the session that finished the run: a run that was resumed counts the steps of that one alone.
-    """
-    cost, dense = found["cost"], found["select"]["dense_interval"]
-    speed = cost["particle_steps_per_second"]
-    return cost["n_particles"] * dense / cost["time_step"] / speed if speed else None
 
 
 def tables_of(cases: Sequence[Found], variable: str) -> dict[str, Any]:
@@ -93,7 +65,7 @@ def tables_of(cases: Sequence[Found], variable: str) -> dict[str, Any]:
         "2": (_of_cases(cases), _beside(cases, setup)),
         "3": (CONSIDERED, [_considered(first, c) for c in judged]),
         "4": (TRAINING | STEP, [_training(first, c) | one_step(first, c["interval"]) for c in judged]),
-        "5": (FEASIBILITY, [_feasibility(first, variable, c) for c in judged]),
+        "5": (FEASIBILITY | TRIED, [_tried(first, variable, c) for c in judged]),
         "6": (FEASIBILITY, scanned(last, variable)),
         "7": (DECIDED | STEP, [_decided(found, variable) for found in cases]),
     }
@@ -120,18 +92,6 @@ def scanned(found: Found, variable: str) -> list[Row]:
         if candidate["sufficient"]:
             break
     return rows
-
-
-def one_step(found: Found, interval: float) -> Row:
-    """Return what solver and ROM need for one step at a Δτ (s), and their ratios; None where one is unknown."""
-    solver = solver_seconds(found)
-    known = next((one for one in found["one_step"] if one["interval"] == interval), {})
-    step: Row = {"modes_of_positions": known.get("n_modes"), "solver_seconds": solver}
-    for kind in ("single", "batch"):
-        seconds = known.get(f"{kind}_seconds")
-        step[f"{kind}_seconds"] = seconds
-        step[f"{kind}_ratio"] = None if not seconds or solver is None else solver / seconds
-    return step
 
 
 def _of_cases(cases: Sequence[Found]) -> Columns:
@@ -176,6 +136,13 @@ def _feasibility(found: Found, variable: str, candidate: Mapping[str, Any]) -> R
     }
     own = {key: candidate[key] for key in ("interval", "n_lr", "n_c", "K_f", "sufficient", "verdict", "reasons")}
     return {**own, "K_f_low": low, "K_f_high": high, "K_f_of_others": others}
+
+
+def _tried(found: Found, variable: str, candidate: Mapping[str, Any]) -> Row:
+    """Return the same with how the ROM does that was trained afterwards, on n_lr and on n_c modes."""
+    trial = trial_at(found, variable, candidate["interval"])
+    kept = {key: trial[key] for key in trial if key.startswith(("R_rom", "rmse"))}
+    return {**_feasibility(found, variable, candidate), **kept}
 
 
 def _decided(found: Found, variable: str) -> Row:

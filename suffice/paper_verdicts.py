@@ -1,84 +1,28 @@
 """What an engineer decides from: which Δτ suffices in each case, and whether the rule kept its promise."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from suffice.compare import CONSISTENCY
-from suffice.paper_measures import modes_used
-from suffice.paper_tables import Found, Row, candidate_at, decided_interval, of_variable, one_step
-from suffice.wording import number, seconds_text
-
-
-def rom_row(found: Found, variable: str, interval: float, modes: int) -> Mapping[str, Any] | None:
-    """Return the ROM on so many modes as `compare` writes it; None where it could not be fitted."""
-    wanted = (variable, interval, found["rom"], "plain", modes)
-    keys = ("variable", "interval", "surrogate", "basis", "modes")
-    return next((row for row in found["compare"]["rows"] if tuple(row[key] for key in keys) == wanted), None)
-
-
-def raw_row(found: Found, variable: str, interval: float) -> Mapping[str, Any] | None:
-    """Return the best interpolation of the stored snapshots without a model; None where none was tried."""
-    places = [row for row in found["compare"]["rows"] if (row["variable"], row["interval"]) == (variable, interval)]
-    return min((row for row in places if row["modes"] is None), key=lambda row: float(row["rmse"]), default=None)
-
-
-def consistency_of_rom(found: Found, variable: str, interval: float, modes: int) -> float | None:
-    """R_c of the ROM itself: mean error at all testing times over mean error at the training times.
-
-    With g the share of unseen testing times, R = 1 + g (E_unseen / E_train - 1): at training times the ROM passes
-    through the coefficients, so that it errs by what projection leaves. None where it is unknown.
-    """
-    row = rom_row(found, variable, interval, modes)
-    train = found["curves"][variable][f"{interval:g}"]["E_train"]
-    if row is None or modes >= len(train) or not train[modes]:
-        return None
-    m, dense = row["n_snapshots"], found["select"]["dense_interval"]
-    testing = round((m - 1) * interval / dense) + 1
-    return float(1.0 + (testing - m) / testing * (row["rmse"] / train[modes] - 1.0))
-
-
-def trial_of(found: Found, variable: str) -> Row:
-    """Hold the decision of a case against the ROM that was trained afterwards.
-
-    `kept` tells whether the ROM on n_lr modes is as consistent as the rule wants of projections, R_c up to 1.05.
-    """
-    interval, sufficient = decided_interval(found, variable)
-    candidate = candidate_at(found, variable, interval)
-    n_lr, n = int(candidate["n_lr"]), modes_used(candidate)
-    rows = {name: rom_row(found, variable, interval, modes) for name, modes in (("n_lr", n_lr), ("n_c", n))}
-    raw, ratio = raw_row(found, variable, interval), consistency_of_rom(found, variable, interval, n_lr)
-    errors: Row = {}
-    for name, row in (*rows.items(), ("raw", raw)):
-        errors |= {f"rmse_{name}": row and row["rmse"], f"rmse_diameters_{name}": row and row["rmse_diameters"]}
-    return {
-        "case": found["name"],
-        "variable": variable,
-        "interval": interval,
-        "sufficient": sufficient,
-        "verdict": candidate["verdict"],
-        "reasons": candidate["reasons"],
-        "n_lr": n_lr,
-        "n_c": candidate["n_c"],
-        "K_f": candidate["K_f"],
-        "modes": n,
-        "rom": found["rom"],
-        **errors,
-        "raw": raw and raw["surrogate"],
-        "R_rom_n_lr": ratio,
-        "R_rom_n_c": consistency_of_rom(found, variable, interval, n),
-        "kept": None if ratio is None else ratio <= CONSISTENCY,
-        **one_step(found, interval),
-    }
+from suffice.paper_trials import Found, Row, calibrated, decided_interval, trial_at
+from suffice.wording import number, plain_number, seconds_text, two_decimals
 
 
 def verdicts_of(cases: Sequence[Found], variable: str) -> list[Row]:
-    """Return one trial for each case, with the sentence that says it."""
+    """Return for each case how the ROM trained at the Δτ decided upon does: a sentence, remarks and their numbers.
+
+    `calibrated` is the least K_f from which on ROMs of the first case are consistent, None in the others.
+    """
     found = []
     for k, case in enumerate(cases):
-        trial = trial_of(case, variable)
-        role = "calibrates" if k == 0 else "validates"
-        text = _sentence(trial, case["unit"], role)
-        found.append({**trial, "role": role, "sentence": text, "insufficient": _insufficient(case)})
+        interval, _ = decided_interval(case, variable)
+        trial = trial_at(case, variable, interval)
+        extra: Row = {
+            "role": "validates" if k else "calibrates",
+            "calibrated": None if k else calibrated(case, variable),
+            "insufficient": _insufficient(case),
+        }
+        trial |= extra
+        found.append({**trial, "sentence": _sentence(trial, case["unit"]), "remarks": _remarks(trial, case["unit"])})
     return found
 
 
@@ -92,33 +36,54 @@ def _insufficient(found: Found) -> list[Row]:
     return rows
 
 
-def _sentence(trial: Row, unit: str, role: str) -> str:
-    K_f, interval = number(trial["K_f"]), seconds_text(trial["interval"])
-    head = f"{trial['case']} ({role}): "
-    if not trial["sufficient"]:
-        head += f"no Δτ considered suffices for {trial['variable']}; the finest, {interval}, has K_f {K_f}, 2 is needed"
+def _sentence(trial: Row, unit: str) -> str:
+    """Say the decision, and what the ROM trained by it errs and saves."""
+    K_f, interval = two_decimals(trial["K_f"]), seconds_text(trial["interval"])
+    head = f"{trial['case']} ({trial['role']}): "
+    if trial["sufficient"]:
+        head += f"a snapshot every {interval} suffices for {trial['variable']}, K_f {K_f} ≥ 2"
     else:
-        head += f"a snapshot every {interval} suffices for {trial['variable']} (K_f {K_f} ≥ 2)"
-    return f"{head}; {_promise(trial)}{_errors(trial, unit)}{_speed(trial)}"
+        head += (
+            f"no Δτ considered suffices for {trial['variable']}; K_f is {K_f} at the finest, {interval}, 2 is needed"
+        )
+    error = _error(trial, "n_c", unit)
+    if error is None:
+        return f"{head}; no ROM could be tried there."
+    speed = (
+        "" if trial["single_ratio"] is None else f", {plain_number(trial['single_ratio'])} times faster than the solver"
+    )
+    return f"{head}; the ROM trained there is off by {error} between its snapshots{speed}."
 
 
-def _promise(trial: Row) -> str:
-    if trial["R_rom_n_lr"] is None:
-        return "no ROM could be tried"
-    kept = "keeps" if trial["kept"] else "does not keep"
-    return f"the ROM trained on them {kept} it (R_c {trial['R_rom_n_lr']:.3f} on n_lr modes, limit {CONSISTENCY:g})"
+def _remarks(trial: Row, unit: str) -> list[str]:
+    """Say whether the rule kept its promise, from where on it does, and what needs no model at all."""
+    remarks = []
+    if trial["R_rom_n_lr"] is not None:
+        kept = "consistent" if trial["kept"] else "not consistent"
+        few = f"on the n_lr = {trial['n_lr']} modes that are needed it errs by {_error(trial, 'n_lr', unit)}"
+        remarks.append(f"That ROM is {kept}: {few}, R_c {trial['R_rom_n_lr']:.3f}, limit {CONSISTENCY:g}.")
+    if trial["role"] == "calibrates":
+        remarks.append(_calibration(trial["calibrated"]))
+    raw = _error(trial, "raw", unit)
+    if raw is not None:
+        remarks.append(f"Without a model, the stored snapshots interpolated ({trial['raw']}) err by {raw}.")
+    if trial["verdict"] != ("sufficient" if trial["sufficient"] else "insufficient"):
+        remarks.append(f"Our verdict: {trial['verdict']}, {'; '.join(trial['reasons'])}.")
+    return remarks
 
 
-def _errors(trial: Row, unit: str) -> str:
-    suffix, shown = ("_diameters", "d") if trial["rmse_diameters_n_c"] is not None else ("", unit)
-    few, many = trial[f"rmse{suffix}_n_lr"], trial[f"rmse{suffix}_n_c"]
-    if few is None or many is None:
-        return ""
-    return f", off by {number(few, 2)} {shown} on {trial['n_lr']} and {number(many, 2)} {shown} on {trial['modes']} modes"
+def _error(trial: Row, modes: str, unit: str) -> str | None:
+    """Write an error of a trial, in diameters where they are known; None where there is none."""
+    for key, shown in ((f"rmse_diameters_{modes}", "d"), (f"rmse_{modes}", unit)):
+        if trial[key] is not None:
+            return f"{number(trial[key], 2)} {shown}"
+    return None
 
 
-def _speed(trial: Row) -> str:
-    if trial["single_ratio"] is None:
-        return ""
-    batch = f" ({number(trial['batch_ratio'], 2)} in batch)" if trial["batch_ratio"] else ""
-    return f", and gives a step {number(trial['single_ratio'], 2)} times faster than the solver{batch}"
+def _calibration(found: Row | None) -> str:
+    if found is None:
+        return "ROMs are not consistent even at the finest Δτ: K_f ≥ 2 is not confirmed."
+    K_f, interval = two_decimals(found["K_f"]), seconds_text(found["interval"])
+    if not found["bounded"]:
+        return f"ROMs are consistent at every Δτ considered, from K_f {K_f} ({interval}) on: 2 is on the safe side."
+    return f"ROMs are consistent from K_f {K_f} ({interval}) on."

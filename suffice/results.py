@@ -79,8 +79,9 @@ def gather(folder: Path, study: str) -> dict[str, Any]:
 def _of_case(folder: Path, k: int) -> dict[str, Any]:
     """Return verdicts, curves and surrogates of a case under the names that those of one run have."""
     files = case_files(folder, k)
+    selection: dict[str, Any] = read_json(files.selection)
     with Run(files.run) as run:
-        return _of_one_run(run) | read_json(files.selection) | {"compare": read_json(files.measured)["compare"]}
+        return _of_one_run(run) | selection | {"compare": read_json(files.measured)["compare"]}
 
 
 def played(folder: Path, results: dict[str, Any]) -> tuple[Path, dict[str, Any]]:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from selection.resolution import KEPT_PROMISE
-from suffice.wording import errors_text, escape, number, seconds_text
+from suffice.wording import errors_text, escape, number, seconds_text, two_decimals
 
 SYMBOL = re.compile(r"\b([A-Za-z])_([a-z]+)\b")  # K_f, R_a, n_lr, E_train
 SUBSCRIPT = r"\1<sub>\2</sub>"
@@ -95,7 +95,7 @@ def _cell(candidate: Mapping[str, Any] | None, unit: str) -> str:
     title = escape("; ".join(map(str, candidate.get("reasons") or [])))
     modes = f"{_count(candidate.get('n_c'))} / {_count(candidate.get('n_lr'))}"
     rule = ", paper ✓" if candidate.get("sufficient") else ""
-    K_f, left = _two_decimals(candidate.get("K_f")), escape(errors_text(candidate, unit))
+    K_f, left = two_decimals(candidate.get("K_f")), escape(errors_text(candidate, unit))
     errors = f"<small>{left}</small>" if left else ""
     return f'<td class="{style}" title="{title}"><b>{K_f}</b><small>{modes}{rule}</small>{errors}</td>'
 
@@ -103,17 +103,13 @@ def _cell(candidate: Mapping[str, Any] | None, unit: str) -> str:
 def _feasibility(candidate: Mapping[str, Any]) -> str:
     """Write K_f with its interval from resampling particles."""
     spread = candidate.get("K_f_interval")
-    between = f" ({_two_decimals(spread[0])} to {_two_decimals(spread[1])} by resampling)" if spread else ""
-    return f"K<sub>f</sub> {_two_decimals(candidate.get('K_f'))}{between}"
+    between = f" ({two_decimals(spread[0])} to {two_decimals(spread[1])} by resampling)" if spread else ""
+    return f"K<sub>f</sub> {two_decimals(candidate.get('K_f'))}{between}"
 
 
 def _pill(verdict: object) -> str:
     shown = str(verdict) if verdict in VERDICTS else "undecidable"
     return f'<span class="pill {shown}">{shown}</span>'
-
-
-def _two_decimals(value: Any) -> str:
-    return f"{value:.2f}" if isinstance(value, int | float) else "–"
 
 
 def _count(value: Any) -> str:
