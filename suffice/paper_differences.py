@@ -91,7 +91,8 @@ def _speed(found: Found, trial: Row) -> Difference:
     here = f"{plain_number(single)} single, {plain_number(batch)} in batch"
     steps, modes = round(dense / cost["time_step"]), trial["modes_of_positions"] or []
     why = (
-        f"solver: {steps} steps of {n:,} particles, {seconds_text(trial['solver_seconds'])}; ROM: "
+        f"solver: {steps} steps of {n:,} particles, {seconds_text(trial['solver_seconds'])} on {cost['threads']} "
+        f"threads; ROM, on {trial['rom_threads']}: "
         f"{' + '.join(map(str, modes))} modes of {n:,} rows, {seconds_text(trial['single_seconds'])} single and "
         f"{seconds_text(trial['batch_seconds'])} in batch. Both grow with the particles, so the ratio is one of steps "
         "and modes, and of the code and processor on either side, which are not the paper's"
@@ -125,5 +126,6 @@ def _axes(found: Found, variable: str) -> Difference | None:
     paper = "x more than y, as many as z by symmetry"
     turned = found.get("axis")
     where = "" if turned is None else f"; the rotor turns about {turned}"
-    why = f"{slowest} needs most here{where}, so the directions that are alike are others than the paper's"
+    alike = "as in the paper" if slowest == "x" else "so the directions that are alike are others than the paper's"
+    why = f"{slowest} needs most here{where}, {alike}"
     return Difference(text, paper, here, why)

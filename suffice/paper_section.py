@@ -46,12 +46,19 @@ def _verdict(paper: Results) -> Section:
 
 
 def _item(verdict: Mapping[str, Any]) -> str:
-    """Say what is decided in a case, and for which variables no Δτ is enough."""
-    shown = "sufficient" if verdict["sufficient"] else "insufficient"
-    pill = f'<span class="pill {shown}">{shown}</span>'
-    remarks = " ".join(symbols(escape(remark)) for remark in verdict["remarks"])
-    small = f'<div class="quiet">{remarks} {_others(verdict["insufficient"])}</div>'
-    return f"<li>{pill} {symbols(escape(verdict['sentence']))}{small}</li>"
+    """Say what is decided in a case, and for which variables no Δτ is enough; the rest is folded."""
+    pill = _pill("sufficient" if verdict["sufficient"] else "insufficient")
+    if verdict["verdict"] == "undecidable":
+        pill += f" {_pill('undecidable')}"
+    remarks = "".join(f"<li>{symbols(escape(remark))}</li>" for remark in verdict["remarks"])
+    summary = "<summary>How sure that is, and what else there is</summary>"
+    more = f'<details class="quiet">{summary}<ul>{remarks}</ul></details>'
+    others = f'<div class="quiet">{_others(verdict["insufficient"])}</div>'
+    return f"<li>{pill} {symbols(escape(verdict['sentence']))}{others}{more}</li>"
+
+
+def _pill(verdict: str) -> str:
+    return f'<span class="pill {verdict}">{verdict}</span>'
 
 
 def _others(rows: Sequence[Mapping[str, Any]]) -> str:

@@ -50,7 +50,13 @@ FEASIBILITY: Columns = {
     "verdict": ("our verdict", ""),
 }
 TRIED: Columns = {"R_rom_n_lr": ("R_c of the ROM", ""), "rmse_diameters_n_c": ("its error", "d")}
-DECIDED: Columns = {"case": ("case", ""), **TRAINING, "sufficient": ("sufficient", "")}
+DECIDED: Columns = {
+    "case": ("case", ""),
+    "interval": INTERVAL,
+    "sufficient": ("sufficient", ""),
+    "n_snapshots": ("snapshots", ""),
+    "bytes": ("training data", "B"),
+}
 
 
 def tables_of(cases: Sequence[Found], variable: str) -> dict[str, Any]:

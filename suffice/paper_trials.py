@@ -43,6 +43,7 @@ def one_step(found: Found, interval: float) -> Row:
     solver = solver_seconds(found)
     known: Mapping[str, Any] = next((one for one in found["one_step"] if one["interval"] == interval), {})
     step: Row = {"modes_of_positions": known.get("n_modes"), "solver_seconds": solver}
+    step["rom_threads"] = known.get("threads")
     for kind in ("single", "batch"):
         seconds = known.get(f"{kind}_seconds")
         step[f"{kind}_seconds"] = seconds
@@ -89,7 +90,8 @@ def trial_at(found: Found, variable: str, interval: float) -> Row:
     raw, ratio = raw_row(found, variable, interval), consistency_of_rom(found, variable, interval, n_lr)
     errors: Row = {}
     for name, row in (*rows.items(), ("raw", raw)):
-        errors |= {f"rmse_{name}": row and row["rmse"], f"rmse_diameters_{name}": row and row["rmse_diameters"]}
+        for key in ("rmse", "rmse_diameters", "storage_bytes"):
+            errors[f"{key}_{name}"] = row and row[key]
     return {
         "case": found["name"],
         "variable": variable,

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 from suffice.compare import CONSISTENCY
 from suffice.paper_trials import Found, Row, calibrated, decided_interval, trial_at
-from suffice.wording import number, plain_number, seconds_text, two_decimals
+from suffice.player import sufficient_interval
+from suffice.wording import bytes_text, number, plain_number, seconds_text, two_decimals
 
 
 def verdicts_of(cases: Sequence[Found], variable: str) -> list[Row]:
@@ -20,6 +21,7 @@ def verdicts_of(cases: Sequence[Found], variable: str) -> list[Row]:
             "role": "validates" if k else "calibrates",
             "calibrated": None if k else calibrated(case, variable),
             "insufficient": _insufficient(case),
+            "interval_of_position": sufficient_interval(case),
         }
         trial |= extra
         found.append({**trial, "sentence": _sentence(trial, case["unit"]), "remarks": _remarks(trial, case["unit"])})
@@ -66,7 +68,11 @@ def _remarks(trial: Row, unit: str) -> list[str]:
         remarks.append(_calibration(trial["calibrated"]))
     raw = _error(trial, "raw", unit)
     if raw is not None:
-        remarks.append(f"Without a model, the stored snapshots interpolated ({trial['raw']}) err by {raw}.")
+        kept = f"{bytes_text(trial['storage_bytes_raw'])} are kept"
+        kept += "" if trial["storage_bytes_n_c"] is None else f", {bytes_text(trial['storage_bytes_n_c'])} of the ROM"
+        remarks.append(f"Without a model, the snapshots themselves interpolated ({trial['raw']}) err by {raw}; {kept}.")
+    if trial["interval_of_position"] is not None:
+        remarks.append(f"All components of position suffice every {seconds_text(trial['interval_of_position'])}.")
     if trial["verdict"] != ("sufficient" if trial["sufficient"] else "insufficient"):
         remarks.append(f"Our verdict: {trial['verdict']}, {'; '.join(trial['reasons'])}.")
     return remarks
