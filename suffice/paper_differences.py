@@ -73,8 +73,10 @@ def _threshold(verdicts: Sequence[Row]) -> Difference:
 
 def _since(found: Row | None) -> str:
     if found is None:
-        return "; in the first case it is not even at the finest Δτ"
-    return f"; in the first case it is from K_f {two_decimals(found['K_f'])} on ({seconds_text(found['interval'])})"
+        return "; in the first case it is not even at the largest K_f"
+    least = f"{two_decimals(found['K_f'])} on ({found['variable']} at {seconds_text(found['interval'])})"
+    end = "" if found["bounded"] else ", the least there is"
+    return f"; in the first case every trained ROM keeps it from K_f {least}{end}"
 
 
 def _kept(trial: Row) -> str:

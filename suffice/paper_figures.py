@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from suffice.plots import COLOURS, QUIET, Figure, axes_layout, drawn_line, level_across, ramp
+from suffice.plots import COLOURS, QUIET, Figure, axes_layout, drawn_line, level_across, ramp, ticks
 from suffice.wording import escape, finite, seconds_text
 
 Curves = Mapping[str, Any]
@@ -63,6 +63,27 @@ def history_figure(history: Sequence[Curves], unit: str, diameter: float | None)
         data.append({**marks, **place, "marker": {"color": colour, "size": 4}})
     shown = "d" if diameter is not None else escape(unit)
     return {"data": data, "layout": axes_layout("time (s)", f"RMSE of all modes ({shown})", "linear", "linear")}
+
+
+def promise_figure(trials: Mapping[str, Sequence[Curves]], consistency: float, feasibility: float) -> Figure:
+    """R_c of the trained ROM on n_lr modes against K_f: a mark per variable, case and Δτ; both limits across."""
+    data: list[Figure] = []
+    for k, (case, own) in enumerate(trials.items()):
+        for i, name in enumerate(dict.fromkeys(trial["variable"] for trial in own)):
+            known = [t for t in own if t["variable"] == name and t["K_f"] and t["R_rom_n_lr"] is not None]
+            mark = {"color": COLOURS[i % len(COLOURS)], "size": 9, "symbol": k, "line": {"width": 0}}
+            place = {"x": [t["K_f"] for t in known], "y": [float(f"{t['R_rom_n_lr']:.5g}") for t in known]}
+            label = {"name": f"{escape(name)}, {escape(case)}", "text": [seconds_text(t["interval"]) for t in known]}
+            hover = "%{text}: K_f %{x:.2f}, R_c %{y:.3f}<extra></extra>"
+            kind = {"type": "scatter", "mode": "markers", "marker": mark, "hovertemplate": hover}
+            data.append(kind | place | label)
+    layout = axes_layout("K<sub>f</sub>", "R<sub>c</sub> of the ROM on n<sub>lr</sub> modes", "log", "log")
+    every = [line for line in data if line["x"]]
+    layout["xaxis"] |= ticks(x for line in every for x in line["x"])
+    layout["yaxis"] |= {"tickvals": [1, consistency, 1.2, 1.5, 2, 3, 5, 10], "tickformat": ".3~g"}
+    upright = {"type": "line", "yref": "paper", "y0": 0, "y1": 1, "x0": feasibility, "x1": feasibility}
+    layout["shapes"] = [level_across(consistency), {**upright, "line": level_across(0.0)["line"]}]
+    return {"data": data, "layout": layout}
 
 
 def _colour(i: int) -> Figure:

@@ -3,7 +3,13 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from suffice.paper_figures import coefficient_figure, convergence_figure, energies_figure, history_figure
+from suffice.paper_figures import (
+    coefficient_figure,
+    convergence_figure,
+    energies_figure,
+    history_figure,
+    promise_figure,
+)
 from suffice.paper_html import differences_html, symbols, table_html
 from suffice.plots import Figure, consistency_figure, error_figure
 from suffice.quantities import AXES
@@ -30,6 +36,7 @@ def paper_sections(results: Results) -> list[Section]:
         _tables(results, "Training data and speed", "47"),
         Section("The paper and this study", differences_html(results["paper"]["differences"])),
         *(section for section in pictures if section is not None),
+        _promises(results),
         _errors(results),
         _tables(results, "What was simulated", "123"),
     ]
@@ -182,6 +189,18 @@ def _variables(results: Results) -> dict[str, str]:
     """Return the variables, that of the tables first."""
     first = results["paper"]["variable"]
     return _picked(dict.fromkeys([first, *results["cases"][0]["select"]["variables"]]))
+
+
+def _promises(results: Results) -> Section:
+    """Whether ROMs keep what K_f promises: those of all trained variables, cases and Δτ."""
+    limits = next(iter(results["cases"][0]["select"]["variables"].values()))["thresholds"]
+    text = (
+        "Each mark is a ROM trained at one Δτ. It is as consistent as the rule wants below the dashed level, and the "
+        "rule accepts it right of the dashed line: marks above left are rightly refused, marks below left refused for "
+        "safety, and there must be none above right."
+    )
+    figure = promise_figure(results["paper"]["trials"], limits["consistency"], limits["feasibility"])
+    return Section("What K<sub>f</sub> promises, and trained ROMs keep", f'<p class="quiet">{text}</p>', {"": figure})
 
 
 def _errors(results: Results) -> Section:

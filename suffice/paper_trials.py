@@ -1,6 +1,6 @@
 """What was found of a case, asked for by variable and Δτ, and the ROM that was trained there, tried."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from suffice.compare import CONSISTENCY
@@ -113,16 +113,26 @@ def trial_at(found: Found, variable: str, interval: float) -> Row:
     }
 
 
-def calibrated(found: Found, variable: str) -> Row | None:
-    """Return the least K_f from which on, Δτ after finer Δτ, the ROM is consistent; None where it is not at the finest.
+def trials_of(found: Found) -> list[Row]:
+    """Return a trial for every variable of which surrogates were trained, at every Δτ."""
+    trained = dict.fromkeys(row["variable"] for row in found["compare"]["rows"])
+    places = [(name, c["interval"]) for name in trained for c in of_variable(found, name)["candidates"]]
+    return [trial_at(found, name, interval) for name, interval in places]
 
-    K_f and interval (s), and whether a coarser Δτ was tried at all.
+
+def calibrated(trials: Sequence[Row]) -> Row | None:
+    """Return the least K_f of all from which on every ROM is consistent; None where that of the largest is not.
+
+    Its variable and Δτ (s) stand beside it, and `bounded`: whether there was one below that is not consistent.
     """
-    trials = [trial_at(found, variable, c["interval"]) for c in of_variable(found, variable)["candidates"]]
-    kept = 0
-    while kept < len(trials) and trials[-1 - kept]["kept"]:
-        kept += 1
-    if not kept:
-        return None
-    first = trials[-kept]
-    return {"K_f": first["K_f"], "interval": first["interval"], "bounded": kept < len(trials)}
+    known = [trial for trial in trials if trial["K_f"] is not None and trial["kept"] is not None]
+    least, bounded = None, False
+    for trial in sorted(known, key=lambda trial: (-float(trial["K_f"]), bool(trial["kept"]))):
+        if not trial["kept"]:
+            bounded = True
+            break
+        least = trial
+    # of equal K_f, one that is not consistent counts against all
+    return (
+        None if least is None else {key: least[key] for key in ("K_f", "variable", "interval")} | {"bounded": bounded}
+    )

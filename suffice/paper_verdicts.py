@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from suffice.compare import CONSISTENCY
-from suffice.paper_trials import Found, Row, calibrated, decided_interval, trial_at
+from suffice.paper_trials import Found, Row, calibrated, decided_interval, trial_at, trials_of
 from suffice.player import sufficient_interval
 from suffice.wording import bytes_text, number, plain_number, seconds_text, two_decimals
 
@@ -19,7 +19,7 @@ def verdicts_of(cases: Sequence[Found], variable: str) -> list[Row]:
         trial = trial_at(case, variable, interval)
         extra: Row = {
             "role": "validates" if k else "calibrates",
-            "calibrated": None if k else calibrated(case, variable),
+            "calibrated": None if k else calibrated(trials_of(case)),
             "insufficient": _insufficient(case),
             "interval_of_position": sufficient_interval(case),
         }
@@ -88,8 +88,7 @@ def _error(trial: Row, modes: str, unit: str) -> str | None:
 
 def _calibration(found: Row | None) -> str:
     if found is None:
-        return "ROMs are not consistent even at the finest Δτ: K_f ≥ 2 is not confirmed."
-    K_f, interval = two_decimals(found["K_f"]), seconds_text(found["interval"])
-    if not found["bounded"]:
-        return f"ROMs are consistent at every Δτ considered, from K_f {K_f} ({interval}) on: 2 is on the safe side."
-    return f"ROMs are consistent from K_f {K_f} ({interval}) on."
+        return "Not even the ROM of the largest K_f is consistent: K_f ≥ 2 is not confirmed."
+    least = f"{two_decimals(found['K_f'])} ({found['variable']} at {seconds_text(found['interval'])})"
+    below = "below it not all are" if found["bounded"] else "there is none below"
+    return f"Calibration: the ROMs of all trained variables are consistent from K_f {least} on; {below}."

@@ -207,26 +207,19 @@ def test_a_case_that_was_stopped_while_it_was_simulated_goes_on_bitwise(study, t
         assert np.array_equal(again.variable("position")[:], once.variable("position")[:])
 
 
-def test_the_index_that_calibration_finds_is_the_least_above_which_all_roms_are_consistent(monkeypatch):
-    candidates = [{"interval": dt, "K_f": K_f} for dt, K_f in ((0.01, 0.8), (0.008, 1.1), (0.006, 1.3), (0.004, 2.2))]
-    found = {"select": {"variables": {"x": {"candidates": candidates}}}}
+def trials(*pairs):
+    return [{"variable": "x", "interval": 0.01, "K_f": K_f, "kept": kept} for K_f, kept in pairs]
 
-    def calibration(*kept):
-        told = dict(zip((0.01, 0.008, 0.006, 0.004), kept, strict=True))
-        monkeypatch.setattr(
-            "suffice.paper_trials.trial_at",
-            lambda _, __, dt: {
-                "kept": told[dt],
-                "interval": dt,
-                "K_f": {c["interval"]: c["K_f"] for c in candidates}[dt],
-            },
-        )
-        return calibrated(found, "x")
 
-    assert calibration(False, True, False, True) == {"K_f": 2.2, "interval": 0.004, "bounded": True}
-    assert calibration(False, True, True, True) == {"K_f": 1.1, "interval": 0.008, "bounded": True}
-    assert calibration(True, True, True, True) == {"K_f": 0.8, "interval": 0.01, "bounded": False}
-    assert calibration(True, True, True, False) is None
+def test_the_index_that_calibration_finds_is_the_least_above_which_all_roms_are_consistent():
+    assert calibrated(trials((0.8, False), (1.1, True), (1.3, False), (2.2, True)))["K_f"] == 2.2
+    found = calibrated(trials((2.2, True), (0.8, False), (1.3, True), (1.1, True)))
+    assert (found["K_f"], found["bounded"]) == (1.1, True)
+    found = calibrated(trials((0.8, True), (1.1, True)))
+    assert (found["K_f"], found["bounded"]) == (0.8, False)
+    assert calibrated(trials((1.1, True), (2.2, False))) is None
+    assert calibrated(trials((1.1, True), (1.1, False), (1.3, True)))["K_f"] == 1.3
+    assert calibrated(trials((None, True), (1.3, None))) is None
 
 
 def test_the_built_in_study_judges_two_speeds_of_one_mill_from_10_down_to_2_ms():
