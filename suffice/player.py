@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 from pod import InputError as UnfitSnapshots
 from selection.errors import InputError as UnfitIntervals
 from selection.intervals import Subset, candidates
-from suffice.compare import CONSISTENCY
+from suffice.bridge import bridge_of
 from suffice.frames import STEPS, Box, box_of, pack, placed
-from suffice.reconstruction import Case, consistent_level, projection_errors, reduce
+from suffice.reconstruction import Case
 from suffice.refusal import Refusal
 from suffice.run import Run
 from suffice.setting import setting_of
 from suffice.variables import columns_of, held, held_velocity
-from surrogates import SURROGATES
 from surrogates import InputError as UnfitSeries
 
 Array = NDArray[np.float64]
@@ -29,7 +28,6 @@ MOST_PARTICLES = 20_000
 MOST_MODES_BYTES = 4 * 2**30  # all modes of all particles, in double precision
 PER_DIAMETER = 500  # quanta: a finer place is not seen, nor a finer error by its colour
 MOST_BYTES = 18 * 10**6  # deflated: with the rest of the page under 30 MB as base64
-ENERGY = 0.999  # that n_lr modes hold
 UNKNOWN_RADIUS = 0.01  # of the box's edge: drawn where the run does not know it
 BRIGHTEST = 0.995  # share of speeds or errors below the end of the scale …
 STEPS_OF_SCALE = 20  # … that spans no fewer quanta, or it would show how places are rounded
@@ -165,21 +163,12 @@ def _modes_bytes(run: Run, subset: Subset) -> int:
 
 def _predicted(case: Case, interval: float, shown: Shown) -> Prediction:
     """Train on the snapshots kept every `interval` (s) and predict those shown."""
-    reduced = reduce(case, ENERGY)
-    full = reduced.basis.modes.shape[1]
-    n = max(consistent_level(reduced, case, CONSISTENCY), reduced.basis.n_lr or full)
-    name = "spline" if reduced.rates is None else "hermite"
-    rates = None if reduced.rates is None else reduced.rates[:, :n]
-    surrogate = SURROGATES[name]().fit(case.times[case.training], reduced.coefficients[case.training, :n], rates)
+    bridge = bridge_of(case)
     rows = (3 * shown.particles[:, None] + np.arange(3)).ravel()
-    coefficients = surrogate.predict(case.times[shown.frames])
-    position = (reduced.basis.mean[rows] + coefficients @ reduced.basis.modes[rows, :n].T).reshape(shown.truth.shape)
-    # modes are orthonormal: what projection leaves and what the coefficients miss add up
-    miss = surrogate.predict(case.times[case.unseen]) - reduced.coefficients[case.unseen, :n]
-    squares = projection_errors(reduced, case, n) ** 2 + np.square(miss).sum(axis=1) / len(reduced.basis.mean)
+    position = bridge.at(case.times[shown.frames], rows).reshape(shown.truth.shape)
     error = np.linalg.norm(position - shown.truth, axis=-1)
     kept = np.isin(shown.frames, case.training)
-    return Prediction(interval, name, n, kept, position, error, float(np.sqrt(squares).mean()))
+    return Prediction(interval, bridge.surrogate.name, bridge.modes, kept, position, error, bridge.rmse())
 
 
 def _facts(found: Prediction, diameter: float | None, quantum: float) -> dict[str, Any]:
