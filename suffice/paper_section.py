@@ -11,6 +11,7 @@ from suffice.paper_figures import (
     promise_figure,
 )
 from suffice.paper_html import differences_html, symbols, table_html
+from suffice.paper_space import dimensions, idea, insufficient_in_space, moments, predictions
 from suffice.plots import Figure, consistency_figure, error_figure
 from suffice.quantities import AXES
 from suffice.section import Section
@@ -223,8 +224,13 @@ def _errors(results: Results) -> Section:
 
 # the paper's figures by their numbers, which the page shows in this order; None where there is nothing to show
 FIGURES: Mapping[int, Callable[[Results], Section | None]] = {
+    1: insufficient_in_space,
     2: _lanczos,
+    3: idea,
+    4: dimensions,
+    5: moments,
     6: _coefficients,
     7: _history,
     8: _consistency,
+    9: predictions,
 }

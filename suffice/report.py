@@ -115,8 +115,9 @@ def _html(section: Section, panel: str) -> str:
     # their order is that of the figures' keys
     pickers = "".join(_picker(name, options) for name, options in section.pickers.items())
     figure = f'<div class="panel" id="{panel}"></div>' if section.figures else ""
+    title = f"<h2>{section.title}</h2>" if section.title else ""
     return (
-        f"<section><h2>{section.title}</h2>{section.body}"
+        f"<section>{title}{section.body}"
         f"{f'<div class=picks>{pickers}</div>' if pickers else ''}{figure}{section.below}</section>\n"
     )
 
