@@ -3,18 +3,11 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from suffice.verdicts import SUBSCRIPT, SYMBOL, VERDICTS
 from suffice.wording import bytes_text, escape, plain_number, seconds_text
 
 TEXT = ("property", "unit", "case")
-SYMBOLS = {
-    "n_lr": "n<sub>lr</sub>",
-    "n_c": "n<sub>c</sub>",
-    "K_f": "K<sub>f</sub>",
-    "R_c": "R<sub>c</sub>",
-    "R_a": "R<sub>a</sub>",
-}
 DECIMALS = {"K_f": 2, "K_f_low": 2, "K_f_high": 2, "R_rom_n_lr": 3}
-PILLS = ("sufficient", "insufficient", "undecidable")
 
 
 def table_html(table: Mapping[str, Any]) -> str:
@@ -53,7 +46,7 @@ def _title(column: Mapping[str, str]) -> str:
 def _cell(key: str, value: Any, unit: str) -> str:
     decimals = DECIMALS.get(key)
     shown = _shown(value, unit) if decimals is None or value is None else f"{value:.{decimals}f}"
-    if key == "verdict" and value in PILLS:
+    if key == "verdict" and value in VERDICTS:
         shown = f'<span class="pill {value}">{value}</span>'
     return f'<td class="{_class(key)}">{shown}</td>'
 
@@ -75,7 +68,5 @@ def _shown(value: Any, unit: str) -> str:
 
 
 def symbols(text: str) -> str:
-    """Set the indices of the paper's symbols below the line."""
-    for plain, marked in SYMBOLS.items():
-        text = text.replace(plain, marked)
-    return text
+    """Set the indices of symbols below the line: K_f, n_lr, c_1."""
+    return SYMBOL.sub(SUBSCRIPT, text)

@@ -58,6 +58,22 @@ def rom_row(found: Found, variable: str, interval: float, modes: int) -> Mapping
     return next((row for row in found["compare"]["rows"] if tuple(row[key] for key in keys) == wanted), None)
 
 
+def levels_of(found: Found, variable: str, interval: float) -> tuple[int, int]:
+    """Return the numbers of modes of the ROM, n_lr and n_c but no fewer, as `compare` has them from its own projection.
+
+    `select` has them from inner products, and may differ by one where R_c all but meets its limit. Where nothing was
+    decomposed, those of `select`.
+    """
+    place = (variable, interval, "plain")
+    bases = found["compare"]["bases"]
+    base = next((one for one in bases if (one["variable"], one["interval"], one["basis"]) == place), None)
+    if base is None:
+        candidate = candidate_at(found, variable, interval)
+        return int(candidate["n_lr"]), modes_used(candidate)
+    few = int(base["n_lr"] or base["modes"])
+    return few, max(int(base["n_c"]), few)
+
+
 def raw_row(found: Found, variable: str, interval: float) -> Mapping[str, Any] | None:
     """Return the best interpolation of the stored snapshots without a model; None where none was tried."""
     places = [row for row in found["compare"]["rows"] if (row["variable"], row["interval"]) == (variable, interval)]
@@ -85,9 +101,9 @@ def trial_at(found: Found, variable: str, interval: float) -> Row:
     `kept` tells whether the ROM on n_lr modes is as consistent as the rule wants of projections, R_c up to 1.05.
     """
     candidate = candidate_at(found, variable, interval)
-    n_lr, n = int(candidate["n_lr"]), modes_used(candidate)
-    rows = {name: rom_row(found, variable, interval, modes) for name, modes in (("n_lr", n_lr), ("n_c", n))}
-    raw, ratio = raw_row(found, variable, interval), consistency_of_rom(found, variable, interval, n_lr)
+    few, many = levels_of(found, variable, interval)
+    rows = {name: rom_row(found, variable, interval, modes) for name, modes in (("n_lr", few), ("n_c", many))}
+    raw, ratio = raw_row(found, variable, interval), consistency_of_rom(found, variable, interval, few)
     errors: Row = {}
     for name, row in (*rows.items(), ("raw", raw)):
         for key in ("rmse", "rmse_diameters", "storage_bytes"):
@@ -99,15 +115,15 @@ def trial_at(found: Found, variable: str, interval: float) -> Row:
         "sufficient": candidate["sufficient"],
         "verdict": candidate["verdict"],
         "reasons": candidate["reasons"],
-        "n_lr": n_lr,
+        "n_lr": candidate["n_lr"],
         "n_c": candidate["n_c"],
         "K_f": candidate["K_f"],
-        "modes": n,
+        "modes": many,
         "rom": found["rom"],
         **errors,
         "raw": raw and raw["surrogate"],
         "R_rom_n_lr": ratio,
-        "R_rom_n_c": consistency_of_rom(found, variable, interval, n),
+        "R_rom_n_c": consistency_of_rom(found, variable, interval, many),
         "kept": None if ratio is None else ratio <= CONSISTENCY,
         **one_step(found, interval),
     }

@@ -7,7 +7,7 @@ from typing import Any
 from selection.resolution import KEPT_PROMISE
 from suffice.wording import errors_text, escape, number, seconds_text, two_decimals
 
-SYMBOL = re.compile(r"\b([A-Za-z])_([a-z]+)\b")  # K_f, R_a, n_lr, E_train
+SYMBOL = re.compile(r"\b([A-Za-z])_([a-z]+|\d+)\b")  # K_f, R_a, n_lr, E_train, c_1
 SUBSCRIPT = r"\1<sub>\2</sub>"
 VERDICTS = ("sufficient", "insufficient", "undecidable")
 
