@@ -196,9 +196,10 @@ def _promises(results: Results) -> Section:
     """Whether ROMs keep what K_f promises: those of all trained variables, cases and Δτ."""
     limits = next(iter(results["cases"][0]["select"]["variables"].values()))["thresholds"]
     text = (
-        "Each mark is a ROM trained at one Δτ. It is as consistent as the rule wants below the dashed level, and the "
-        "rule accepts it right of the dashed line: marks above left are rightly refused, marks below left refused for "
-        "safety, and there must be none above right."
+        "Each mark is a ROM trained at one Δτ. Below the dashed level it is as consistent as the rule wants; right of "
+        "the dashed line the rule accepts its Δτ, and no mark may be above there. K<sub>f</sub> ≥ 1 says by definition "
+        "that projections on n<sub>lr</sub> modes are consistent: what a mark adds is that coefficients between the "
+        "snapshots are regressed. From 1 to 2 the rule refuses for safety."
     )
     figure = promise_figure(results["paper"]["trials"], limits["consistency"], limits["feasibility"])
     return Section("What K<sub>f</sub> promises, and trained ROMs keep", f'<p class="quiet">{text}</p>', {"": figure})
