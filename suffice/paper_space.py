@@ -5,9 +5,9 @@ from typing import Any
 
 from suffice.fields import scene_of
 from suffice.paper_pictures import figure_1, figure_3, figure_4, figure_5, figure_9
-from suffice.player import sufficient_interval
 from suffice.run import Run
 from suffice.section import Section
+from suffice.wording import escape
 
 Results = Mapping[str, Any]
 CALIBRATION, VALIDATION = 0, -1
@@ -47,8 +47,8 @@ def _intervals(results: Results) -> list[float]:
 
 
 def _drawn(results: Results, which: int, draw: Callable[[Run, float | None], str]) -> Section:
-    """Draw from the run of a case, told which Δτ suffices for all components of position."""
-    case = results["cases"][which]
-    with Run(case["run"]["path"]) as run:
-        name = results["paper"]["cases"][which]["name"]
-        return Section("", f'<p class="quiet">{name}</p>' + draw(run, sufficient_interval(case)))
+    """Draw from the run of a case, told which Δτ the verdict finds sufficient, None for none."""
+    verdict = results["paper"]["verdicts"][which]
+    with Run(results["cases"][which]["run"]["path"]) as run:
+        drawn = draw(run, verdict["interval"] if verdict["sufficient"] else None)
+    return Section("", f'<p class="quiet">{escape(verdict["case"])}</p>{drawn}')
