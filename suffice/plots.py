@@ -27,14 +27,14 @@ def consistency_figure(curves: Mapping[str, Any], judged: Sequence[Mapping[str, 
     marks = {float(candidate["interval"]): candidate for candidate in judged}
     data: list[Figure] = []
     for i, (interval, curve) in enumerate(by_interval):
-        colour = _ramp(i, len(by_interval))
+        colour = ramp(i, len(by_interval))
         data.append(_curve(seconds_text(interval), curve.get("R_c") or [], 0, colour))
         gap = _curve("gaps alone", curve.get("R_gap") or [], 0, colour, "dot")
         data.append({**gap, "legendgroup": "gap", "showlegend": i == 0, "visible": "legendonly", "legendrank": 2000})
         data.extend(_marks(marks.get(interval), curve.get("R_c") or [], colour))
-    layout = _layout("modes n", "R<sub>c</sub> = mean E<sub>test</sub> / mean E<sub>train</sub>", "log", "log")
+    layout = axes_layout("modes n", "R<sub>c</sub> = mean E<sub>test</sub> / mean E<sub>train</sub>", "log", "log")
     layout["yaxis"] |= {"range": [-0.008, 0.5], "tickvals": [1, limit, 1.2, 1.5, 2, 3], "tickformat": ".3~g"}
-    layout["shapes"] = [_level(limit)]
+    layout["shapes"] = [level_across(limit)]
     return {"data": data, "layout": layout}
 
 
@@ -45,10 +45,10 @@ def spectrum_figure(ratios: Mapping[str, Any], energy: float) -> Figure:
     for i, (interval, ratio) in enumerate(by_interval):
         first = 0 if ratio and ratio[0] == 0 else 1
         left = [None if finite(x) is None or 1 - x < NOISE else 1 - x for x in ratio]
-        data.append(_curve(seconds_text(interval), left, first, _ramp(i, len(by_interval))))
-    layout = _layout("modes p", "energy left out, 1 − I(p)", "log", "log")
+        data.append(_curve(seconds_text(interval), left, first, ramp(i, len(by_interval))))
+    layout = axes_layout("modes p", "energy left out, 1 − I(p)", "log", "log")
     layout["yaxis"]["exponentformat"] = "power"
-    layout["shapes"] = [_level(1 - energy)]
+    layout["shapes"] = [level_across(1 - energy)]
     return {"data": data, "layout": layout}
 
 
@@ -56,13 +56,15 @@ def lanczos_figure(found: Mapping[str, Any], modes: int) -> Figure:
     """Share of the energy that the leading Ritz pairs hold against Lanczos steps, for both denominators."""
     steps = list(found["steps"])
     data = [
-        _line(f"of the total energy, {modes} modes", steps, list(found["ratio"]), {"color": COLOURS[0], "width": 3}),
-        _line(
+        drawn_line(
+            f"of the total energy, {modes} modes", steps, list(found["ratio"]), {"color": COLOURS[0], "width": 3}
+        ),
+        drawn_line(
             "of all Ritz values, the paper's", steps, list(found["paper_ratio"]),
             {"color": COLOURS[1], "width": 2, "dash": "dot"},
         ),
     ]  # fmt: skip
-    return {"data": data, "layout": _layout("Lanczos steps k", "Lanczos ratio I<sub>k</sub>", "linear", "linear")}
+    return {"data": data, "layout": axes_layout("Lanczos steps k", "Lanczos ratio I<sub>k</sub>", "linear", "linear")}
 
 
 def error_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
@@ -80,7 +82,7 @@ def error_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
             first = not any(line.get("legendgroup") for line in data)
             data.append({**few, "legendgroup": "few", "showlegend": first, "visible": "legendonly", "legendrank": 2000})
     data = [line for line in data if line["x"]]
-    layout = _layout("Δτ (ms)", f"error ({unit})", "log", "log")
+    layout = axes_layout("Δτ (ms)", f"error ({unit})", "log", "log")
     values = sorted({row["interval"] * 1e3 for row in rows})
     layout["xaxis"] |= {"tickvals": values, "ticktext": [f"{value:.3g}" for value in values]}
     layout["yaxis"] |= ticks(y for line in data for y in line["y"])
@@ -97,8 +99,8 @@ def ledger_figure(series: Mapping[str, Any]) -> Figure | None:
         start = finite(series[name][0]) or 0.0
         change = [None if finite(x) is None else x - start for x in series[name]]
         line = {"color": COLOURS[i % len(COLOURS)]} if name != "balance" else {"color": QUIET, "dash": "dash"}
-        data.append(_line(name.replace("_", " "), list(times), change, line))
-    layout = _layout("time (s)", "change since the start (J)", "linear", "linear")
+        data.append(drawn_line(name.replace("_", " "), list(times), change, line))
+    layout = axes_layout("time (s)", "change since the start (J)", "linear", "linear")
     layout["yaxis"]["exponentformat"] = "power"
     return {"data": data, "layout": layout}
 
@@ -118,7 +120,7 @@ def stages_figure(stages: Sequence[Mapping[str, Any]]) -> Figure:
         "hovertemplate": "%{y}: %{text}<br>%{customdata}<extra></extra>",
         "marker": {"color": COLOURS[0]},
     }
-    layout = _layout("wall time (s)", "", "linear", "category")
+    layout = axes_layout("wall time (s)", "", "linear", "category")
     layout["yaxis"] = {"autorange": "reversed", "type": "category"}
     layout["height"] = 90 + 36 * len(names)
     return {"data": [bar], "layout": layout}
@@ -136,7 +138,7 @@ def _coarse_to_fine(by_interval: Mapping[str, Any]) -> list[tuple[float, Any]]:
     return sorted(((float(interval), value) for interval, value in by_interval.items()), reverse=True)
 
 
-def _ramp(i: int, count: int) -> str:
+def ramp(i: int, count: int) -> str:
     """Colour i of `count`, from coarse to fine."""
     s = 2 * i / max(count - 1, 1)
     low, high = (COARSE, MIDDLE) if s <= 1 else (MIDDLE, FINE)
@@ -144,7 +146,8 @@ def _ramp(i: int, count: int) -> str:
     return "#" + "".join(f"{round(a + s * (b - a)):02x}" for a, b in zip(low, high, strict=True))
 
 
-def _line(name: str, x: list[Any], y: list[Any], line: Figure) -> Figure:
+def drawn_line(name: str, x: list[Any], y: list[Any], line: Figure) -> Figure:
+    """Return a line through points."""
     return {"type": "scatter", "mode": "lines", "name": name, "x": x, "y": y, "line": line}
 
 
@@ -152,7 +155,7 @@ def _curve(name: str, values: Sequence[Any], first: int, colour: str, dash: str 
     """One value per number of modes, from `first`; n = 0 has no place on a logarithmic axis."""
     points = [(first + k, _rounded(value)) for k, value in enumerate(values) if first + k > 0]
     line = {"color": colour, "width": 1.8, "dash": dash}
-    return _line(name, [n for n, _ in points], [value for _, value in points], line)
+    return drawn_line(name, [n for n, _ in points], [value for _, value in points], line)
 
 
 def _rounded(value: Any) -> float | None:
@@ -189,7 +192,7 @@ def _levels(rows: Sequence[Mapping[str, Any]], most: bool) -> list[Mapping[str, 
 
 
 def _error_line(name: str, rows: Sequence[Mapping[str, Any]], field: str, line: Figure) -> Figure:
-    drawn = _line(name, [row["interval"] * 1e3 for row in rows], [_rounded(row[field]) for row in rows], line)
+    drawn = drawn_line(name, [row["interval"] * 1e3 for row in rows], [_rounded(row[field]) for row in rows], line)
     return {**drawn, "mode": "lines+markers", "hovertemplate": f"{name}: %{{y:.3g}} at %{{x:.3g}} ms<extra></extra>"}
 
 
@@ -202,10 +205,11 @@ def _floor_line(rows: Sequence[Mapping[str, Any]], field: str, *, most: bool) ->
     floor = [_rounded(row["projection_rmse"] * s) for row, s in zip(on_modes, scale, strict=True)]
     name = f"floor, {'all' if most else 'n<sub>lr</sub>'} modes"
     line = {"color": QUIET, "dash": "dash" if most else "dot"}
-    return _line(name, [row["interval"] * 1e3 for row in on_modes], floor, line)
+    return drawn_line(name, [row["interval"] * 1e3 for row in on_modes], floor, line)
 
 
-def _layout(x: str, y: str, x_type: str, y_type: str) -> Figure:
+def axes_layout(x: str, y: str, x_type: str, y_type: str) -> Figure:
+    """Return two axes with their titles and types, `linear` or `log`."""
     return {
         "xaxis": {"title": {"text": x}, "type": x_type},
         "yaxis": {"title": {"text": y}, "type": y_type},
@@ -213,7 +217,8 @@ def _layout(x: str, y: str, x_type: str, y_type: str) -> Figure:
     }
 
 
-def _level(y: float) -> Figure:
+def level_across(y: float) -> Figure:
+    """Return a dashed level from side to side."""
     line = {"color": QUIET, "width": 1.5, "dash": "dash"}
     return {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": y, "y1": y, "line": line}
 

@@ -12,6 +12,7 @@ from plotly.offline import get_plotlyjs
 from suffice.beyond_section import beyond_section
 from suffice.omissions_section import omissions_section
 from suffice.one_step_section import one_step_section
+from suffice.paper_section import paper_sections
 from suffice.player_section import player_section
 from suffice.plots import (
     consistency_figure,
@@ -43,9 +44,10 @@ def write_report(results: Results, path: str | Path) -> None:
     results: `study`, `run`, `select` (as `select --json` writes it), `curves` {variable: {Δτ: curves}}, `spectrum`
     {variable: {Δτ: I(p)}}, `convergence` {variable: curves against steps, and `modes`}, `compare` (as
     `compare` answers, with a list of what `compare_beyond` does in `beyond`), `observables` (a list, as
-    `compare_observables` answers), `unseen` (as `compare_unseen`), `omissions` (as `compare_omissions`), `one_step` (as
-    `full_size.measure`), `player` (a `Player`), `stages`, `series` with its `times`, `provenance`;
-    any may be missing, and its section is left out. Everything shown is escaped; the page loads nothing.
+    `compare_observables` answers), `unseen` (as `compare_unseen`), `omissions` (as `compare_omissions`), `paper` (as
+    `paper_of`) with `cases` (a list, of each case what there is of these), `one_step` (as `full_size.measure`),
+    `player` (a `Player`), `stages`, `series` with its `times`, `provenance`; any may be missing, its section is then
+    left out. Everything shown is escaped; the page loads nothing.
     Raises `Refusal` when the page cannot be written.
     """
     page, target = render(results), Path(path)
@@ -63,7 +65,7 @@ def render(results: Results) -> str:
     parts = (
         _verdict,
         _feasibility,
-        player_section,
+        _player,
         _consistency,
         _spectrum,
         _convergence,
@@ -79,7 +81,7 @@ def render(results: Results) -> str:
         _stages,
         _provenance,
     )
-    sections = [section for part in parts if (section := part(results)) is not None]
+    sections = [*paper_sections(results), *(section for part in parts if (section := part(results)) is not None)]
     figures = {f"panel{i}": section.figures for i, section in enumerate(sections)}
     scripts = ["report.js", *dict.fromkeys(name for section in sections for name in section.scripts)]
     study = escape(str(results.get("study") or "a run"))
@@ -115,8 +117,9 @@ def _html(section: Section, panel: str) -> str:
     # their order is that of the figures' keys
     pickers = "".join(_picker(name, options) for name, options in section.pickers.items())
     figure = f'<div class="panel" id="{panel}"></div>' if section.figures else ""
+    title = f"<h2>{section.title}</h2>" if section.title else ""
     return (
-        f"<section><h2>{section.title}</h2>{section.body}"
+        f"<section>{title}{section.body}"
         f"{f'<div class=picks>{pickers}</div>' if pickers else ''}{figure}{section.below}</section>\n"
     )
 
@@ -148,6 +151,13 @@ def _facts(results: Results) -> str:
 def _verdict(results: Results) -> Section | None:
     variables = (results.get("select") or {}).get("variables")
     return Section("Verdict", verdict_items(variables)) if variables else None
+
+
+def _player(results: Results) -> Section | None:
+    section, cases = player_section(results), (results.get("paper") or {}).get("cases")
+    if section is None or not cases:
+        return section
+    return section._replace(title=f"{section.title}, {escape(cases[-1]['name'])}")
 
 
 def _feasibility(results: Results) -> Section | None:

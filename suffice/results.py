@@ -6,16 +6,31 @@ import platform
 import time
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from suffice.refusal import Refusal
 from suffice.run import Run
 from suffice.variables import mean_diameter
 
 RUN, SELECTION, COMPARISON, LOG = "run.h5", "select.json", "compare.json", "stages.json"
-UNSEEN, OMISSIONS = "unseen.json", "omissions.json"  # of studies of several runs
+UNSEEN, OMISSIONS, PAPER = "unseen.json", "omissions.json", "paper.json"  # of studies of several runs
 ONE_STEP = "one_step.json"  # of a study at full size
 LEDGER = "energy."
+
+
+class CaseFiles(NamedTuple):
+    """Where one of several cases lies in a study's folder."""
+
+    run: Path
+    cost: Path  # JSON, what simulating took
+    selection: Path  # JSON, verdicts and curves
+    measured: Path  # JSON, what surrogates trained on it err and take
+
+
+def case_files(folder: Path, k: int) -> CaseFiles:
+    """Return the files of case k = 0, 1, … of a study."""
+    ends = ("h5", "cost.json", "select.json", "measured.json")
+    return CaseFiles(*(folder / f"case_{k + 1}.{end}" for end in ends))
 
 
 def read_json(path: Path) -> Any:
@@ -37,7 +52,8 @@ def gather(folder: Path, study: str) -> dict[str, Any]:
     Raises Refusal where there is no run at all.
     """
     results: dict[str, Any] = {"study": study}
-    unseen, omissions, one_step = (read_json(folder / name) for name in (UNSEEN, OMISSIONS, ONE_STEP))
+    others = (UNSEEN, OMISSIONS, PAPER, ONE_STEP)
+    unseen, omissions, paper, one_step = (read_json(folder / name) for name in others)
     first = RUN
     if unseen:
         results["unseen"], first = unseen, Path(unseen["runs"][0]["path"]).name
@@ -45,6 +61,9 @@ def gather(folder: Path, study: str) -> dict[str, Any]:
         results["omissions"], first = omissions, Path(omissions["runs"][0]).name
     elif one_step:
         results["one_step"], first = one_step, one_step["source"]["run"]
+    elif paper:
+        results |= {"paper": paper, "cases": [_of_case(folder, k) for k in range(len(paper["cases"]))]}
+        first = paper["cases"][0]["run"]
     with Run(folder / first) as run:
         if first == RUN:
             results |= _of_one_run(run)
@@ -59,6 +78,20 @@ def gather(folder: Path, study: str) -> dict[str, Any]:
             {"name": name, "seconds": entry["seconds"], "detail": entry["detail"]} for name, entry in log.items()
         ]
     return results
+
+
+def _of_case(folder: Path, k: int) -> dict[str, Any]:
+    """Return verdicts, curves and surrogates of a case under the names that those of one run have."""
+    files = case_files(folder, k)
+    selection: dict[str, Any] = read_json(files.selection)
+    with Run(files.run) as run:
+        return _of_one_run(run) | selection | {"compare": read_json(files.measured)["compare"]}
+
+
+def played(folder: Path, results: dict[str, Any]) -> tuple[Path, dict[str, Any]]:
+    """Return the run that the player shows and its results: of several cases the last."""
+    cases = results.get("cases")
+    return (case_files(folder, len(cases) - 1).run, cases[-1]) if cases else (folder / RUN, results)
 
 
 def _of_one_run(run: Run) -> dict[str, Any]:

@@ -21,13 +21,16 @@ from suffice.door import write_json
 from suffice.full_size import FullSize, full_size_stages
 from suffice.lock import only_writer
 from suffice.omissions import Omissions, omission_stages
+from suffice.paper_cases import Cases, case_stages
+from suffice.paper_pictures import pictures_of
 from suffice.player import player_of
 from suffice.progress import Reporter
 from suffice.readers import import_run
 from suffice.refusal import Refusal
 from suffice.report import write_report
-from suffice.results import COMPARISON, LOG, RUN, SELECTION, gather, read_json
+from suffice.results import COMPARISON, LOG, RUN, SELECTION, case_files, gather, played, read_json
 from suffice.run import Run
+from suffice.section import Section
 from suffice.selecting import select_curves, select_json, select_run, thresholds_of
 from suffice.speeds import Speeds, speed_stages
 from suffice.stages import Settings, Stage, scene_in, simulation_stage
@@ -61,9 +64,14 @@ class Study(Settings):
     unseen: Speeds | None = Field(default=None, description="instead of one run, several rotor speeds, some unseen")
     omissions: Omissions | None = Field(default=None, description="instead of one run, variants with less physics")
     one_step: FullSize | None = Field(default=None, description="instead of a run, one step of a scene at full size")
+    cases: Cases | None = Field(default=None, description="instead of one run, the paper's two cases")
 
     @model_validator(mode="after")
     def _one_origin(self) -> "Study":
+        if self.cases is not None:
+            if self.model_fields_set - {"cases", "seed"}:
+                raise ValueError("[cases] names its own scenes; give no scene, [source] or other question beside it")
+            return self
         if (self.scene is None) == (self.source is None):
             raise ValueError("give either a scene or a table [source]")
         others = {"select", "compare", "unseen", "one_step"} & self.model_fields_set
@@ -160,6 +168,8 @@ def stages_of(name: str, study: Study, home: Path, folder: Path, reporter: Repor
     """
     thresholds_of("", study.select.thresholds)
     study.compare.check()
+    if study.cases is not None:
+        return [*case_stages(study.cases, study.seed, home, folder, reporter), _reporting(name, folder)]
     if study.unseen is not None and study.scene is not None:
         return [*speed_stages(study.unseen, study.scene, study.seed, home, folder, reporter), _reporting(name, folder)]
     if study.omissions is not None and study.scene is not None:
@@ -230,11 +240,18 @@ def _compare(study: Study, folder: Path, reporter: Reporter) -> str:
 def make_report(folder: Path, name: str) -> str:
     """Gather what a folder holds into results.json and report.html; return a few words."""
     results = gather(folder, name)
-    player = player_of(folder / RUN, results)
+    player = player_of(*played(folder, results))
     # the frames are in the run already, and in the page
     write_json(results | ({} if player is None else {"player": player.facts}), str(folder / "results.json"))
-    write_report(results | {"player": player}, folder / "report.html")
+    write_report(results | {"player": player, "pictures": _pictures(folder, results)}, folder / "report.html")
     return "one page"
+
+
+def _pictures(folder: Path, results: dict[str, Any]) -> dict[int, Section]:
+    """Draw the figures in space of a study of cases; none of others."""
+    cases = results.get("cases") or []
+    runs = [case_files(folder, k).run for k in range(len(cases))]
+    return pictures_of(runs, cases, results["paper"]["variable"]) if cases else {}
 
 
 def _digest(value: Any) -> str:

@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from selection.resolution import KEPT_PROMISE
-from suffice.wording import errors_text, escape, number, seconds_text
+from suffice.wording import errors_text, escape, number, seconds_text, two_decimals
 
-SYMBOL = re.compile(r"\b([A-Za-z])_([a-z]+)\b")  # K_f, R_a, n_lr, E_train
+SYMBOL = re.compile(r"\b([A-Za-z])_([a-z]+|\d+)\b")  # K_f, R_a, n_lr, E_train, c_1
 SUBSCRIPT = r"\1<sub>\2</sub>"
 MOST_UNFOLDED = 3  # variables for which nothing suffices
 VERDICTS = ("sufficient", "insufficient", "undecidable")
@@ -137,7 +137,7 @@ def _cell(candidate: Mapping[str, Any] | None, unit: str) -> str:
     title = escape("; ".join(map(str, candidate.get("reasons") or [])))
     modes = f"{_count(candidate.get('n_c'))} / {_count(candidate.get('n_lr'))}"
     rule = " ✓" if candidate.get("sufficient") else ""
-    K_f, left = _two_decimals(candidate.get("K_f")), escape(errors_text(candidate, unit))
+    K_f, left = two_decimals(candidate.get("K_f")), escape(errors_text(candidate, unit))
     unbroken = left.replace(" ", "\u00a0").replace("…\u00a0", "… ")  # a narrow cell breaks between the two errors
     errors = f"<small>{unbroken}</small>" if left else ""
     return f'<td class="{style}" title="{title}"><b>{K_f}</b><small>{modes}{rule}</small>{errors}</td>'
@@ -146,17 +146,13 @@ def _cell(candidate: Mapping[str, Any] | None, unit: str) -> str:
 def _feasibility(candidate: Mapping[str, Any]) -> str:
     """Write K_f with its interval from resampling particles."""
     spread = candidate.get("K_f_interval")
-    between = f" ({_two_decimals(spread[0])} to {_two_decimals(spread[1])} by resampling)" if spread else ""
-    return f"K<sub>f</sub> {_two_decimals(candidate.get('K_f'))}{between}"
+    between = f" ({two_decimals(spread[0])} to {two_decimals(spread[1])} by resampling)" if spread else ""
+    return f"K<sub>f</sub> {two_decimals(candidate.get('K_f'))}{between}"
 
 
 def _pill(verdict: object) -> str:
     shown = str(verdict) if verdict in VERDICTS else "undecidable"
     return f'<span class="pill {shown}">{shown}</span>'
-
-
-def _two_decimals(value: Any) -> str:
-    return f"{value:.2f}" if isinstance(value, int | float) else "–"
 
 
 def _count(value: Any) -> str:

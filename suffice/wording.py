@@ -5,7 +5,17 @@ from collections.abc import Mapping
 from html import escape
 from typing import Any
 
-__all__ = ["bytes_text", "errors_text", "escape", "finite", "number", "seconds_text", "threads_text"]
+__all__ = [
+    "bytes_text",
+    "errors_text",
+    "escape",
+    "finite",
+    "number",
+    "plain_number",
+    "seconds_text",
+    "threads_text",
+    "two_decimals",
+]
 
 PLAIN = 1e6  # numbers below are written without a power of ten
 UNITS_OF_TIME = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"))
@@ -29,6 +39,18 @@ def number(value: Any, digits: int = 3, sign: str = "") -> str:
         return "–"
     text = f"{known:{sign}.{digits}g}"
     return f"{float(text):{sign}.0f}" if "e+" in text and abs(known) < PLAIN else text
+
+
+def plain_number(value: Any, digits: int = 3) -> str:
+    """Return the same without a power of ten where it is large: 2,670 and not 2.67e+03."""
+    known = finite(value)
+    return "–" if known is None else f"{float(f'{known:.{digits}g}'):,.12g}"
+
+
+def two_decimals(value: Any) -> str:
+    """Return a number with two decimals, `–` where there is none."""
+    known = finite(value)
+    return "–" if known is None else f"{known:.2f}"
 
 
 def seconds_text(value: Any) -> str:

@@ -216,7 +216,7 @@ def test_a_study_that_is_none_is_refused_before_anything_is_written(folder, text
 
 def test_a_study_that_is_missing_or_a_folder_is_refused_with_the_built_in_ones(folder):
     for name in ("no.toml", "."):
-        with pytest.raises(Refusal, match=r"no such file or not a text .* built-in studies: mini"):
+        with pytest.raises(Refusal, match=r"no such file or not a text .* built-in studies: bead_mill, mini"):
             load_study(str(folder / name))
 
 
