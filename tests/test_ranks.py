@@ -48,7 +48,7 @@ def test_two_processes_on_one_gpu_share_it_and_sum_elsewhere(gpus, backend, chos
     monkeypatch.setenv("LOCAL_RANK", "1")
     monkeypatch.setattr(torch.cuda, "device_count", lambda: gpus)
     monkeypatch.setattr(torch.cuda, "set_device", devices.append)
-    monkeypatch.setattr(dist, "init_process_group", lambda name, timeout: backends.append(name))
+    monkeypatch.setattr(dist, "init_process_group", lambda name, **_: backends.append(name))
     monkeypatch.setattr(dist, "destroy_process_group", lambda: None)
     monkeypatch.setattr("pod.TorchRanks", Ranks)
     with shared_rows():
