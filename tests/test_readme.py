@@ -54,6 +54,19 @@ def test_readme_sets_up_with_these_two_commands():
     assert "pip install -c constraints.txt -e '.[test]' && pytest" in commands
 
 
+def test_the_first_answer_of_the_readme_is_that_of_its_table():
+    text = (TOP / "README.md").read_text(encoding="utf-8")
+    sentence = r"^(position\.[xy]): Δτ = ([\d.]+) s suffices \(K_f ([\d.]+) ≥ 2\); (\d+) … (\d+) modes"
+    said = re.findall(sentence, text, re.MULTILINE)
+    names = re.search(r"^\| Δτ \| (.*) \|$", text, re.MULTILINE)[1].split(" | ")
+    rows = {row: cells.split(" | ") for row, cells in re.findall(r"^\| (\d+) ms \| (.*) \|$", text, re.MULTILINE)}
+    assert len(said) == 2
+    for name, interval, K_f, n_lr, n_c in said:
+        judged = {row: cells[names.index(name)] for row, cells in rows.items()}
+        assert judged[f"{1e3 * float(interval):g}"] == f"{n_c}/{n_lr} = {K_f} ✓"
+        assert max(int(row) for row, cell in judged.items() if "✓" in cell) == 1e3 * float(interval)
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_every_file_that_a_page_points_to_is_there(page):
     text = page.read_text(encoding="utf-8")
