@@ -33,7 +33,7 @@ def _axes() -> "Axes":
     try:
         import matplotlib.pyplot as plt
     except ModuleNotFoundError:
-        raise Refusal("plot needs matplotlib, which is not installed; pip install 'suffice[notebooks]'") from None
+        raise Refusal("plot needs matplotlib, which is not installed; pip install matplotlib") from None
     return plt.subplots(layout="constrained")[1]
 
 

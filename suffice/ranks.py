@@ -19,9 +19,9 @@ def is_first() -> bool:
 
 @contextmanager
 def shared_rows() -> Iterator["Ranks"]:
-    """Yield the ranks among which rows are shared: those of torchrun, over NCCL where there are GPUs, else over gloo.
+    """Yield the ranks among which rows are shared: those of torchrun, over NCCL where each has a GPU, else over gloo.
 
-    Started in any other way, this process has all rows.
+    NCCL refuses two processes on one GPU; gloo lets them share it. Started in any other way, this process has all rows.
     """
     from pod import ALONE, TorchRanks
 
@@ -31,10 +31,11 @@ def shared_rows() -> Iterator["Ranks"]:
     import torch
     import torch.distributed as dist
 
-    on_gpu = torch.cuda.is_available()
-    if on_gpu:
-        torch.cuda.set_device(int(os.environ.get("LOCAL_RANK", "0")))
-    dist.init_process_group("nccl" if on_gpu else "gloo", timeout=PATIENCE)
+    gpus = torch.cuda.device_count()
+    if gpus:
+        torch.cuda.set_device(int(os.environ.get("LOCAL_RANK", "0")) % gpus)
+    each_has_one = gpus >= max(1, int(os.environ.get("LOCAL_WORLD_SIZE", "1")))
+    dist.init_process_group("nccl" if each_has_one else "gloo", timeout=PATIENCE)
     try:
         yield TorchRanks()
     finally:

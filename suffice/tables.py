@@ -12,6 +12,7 @@ from suffice.wording import bytes_text, errors_text, number, seconds_text
 ENRICHED = "+ v: modes of positions and velocities; bold: no other choice beats it in error and cost"
 FOUND = ("in_situ", "kept")  # parts of an answer on a simulation that are told in sentences
 MARKS = {"sufficient": "green", "insufficient": "red", "undecidable": "yellow"}
+SIGNS = {"sufficient": "✓", "undecidable": "?"}  # where colours are not seen
 
 
 def show_selection(answer: Mapping[str, Any]) -> None:
@@ -24,23 +25,36 @@ def show_selection(answer: Mapping[str, Any]) -> None:
 
 
 def _indices(variables: Mapping[str, Any]) -> Table:
-    """Tabulate K_f per variable and Δτ, coloured by verdict."""
-    intervals = [c["interval"] for c in next(iter(variables.values()))["candidates"]]
-    table = Table("Δτ (s)", *(f"{interval:g}" for interval in intervals), title="K_f = n_c / n_lr", padding=(0, 0))
+    """Tabulate K_f per variable and Δτ, coloured and marked by verdict."""
+    table = _per_interval(variables, "K_f = n_c / n_lr, ✓ sufficient, ? undecidable")
     for name, found in variables.items():
-        table.add_row(name, *(f"[{MARKS[c['verdict']]}]{number(c['K_f'])}[/]" for c in found["candidates"]))
+        cells = [(MARKS[c["verdict"]], number(c["K_f"]), SIGNS.get(c["verdict"], "")) for c in found["candidates"]]
+        table.add_row(name, *(f"[{colour}]{text}{sign}[/]" for colour, text, sign in cells))
     return table
+
+
+def _per_interval(variables: Mapping[str, Any], title: str) -> Table:
+    """Return an empty table, a column for each Δτ; where the terminal is narrow names are folded, not numbers."""
+    table = Table(title=title, padding=(0, 0))
+    table.add_column("Δτ (s)", overflow="fold")
+    for candidate in next(iter(variables.values()))["candidates"]:
+        table.add_column(f"{candidate['interval']:g}", no_wrap=True, overflow="fold")
+    return table
+
+
+def _short(value: Any) -> str:
+    """Return two digits of an error in six characters: 0.0012 as it is, 0.00046 as 4.6e-4."""
+    text = number(value, 2)
+    return text if len(text) <= 6 else f"{value:.1e}".replace("e-0", "e-")
 
 
 def _errors(variables: Mapping[str, Any]) -> Table:
     """Tabulate the errors of n_lr and of n_c modes at unseen times, in diameters where these are known."""
-    intervals = [c["interval"] for c in next(iter(variables.values()))["candidates"]]
-    left = "error of n_lr modes and of n_c modes at unseen times"
-    table = Table("Δτ (s)", *(f"{interval:g}" for interval in intervals), title=left, padding=(0, 0))
+    table = _per_interval(variables, "error of n_lr modes and of n_c modes at unseen times")
     for name, found in variables.items():
         in_diameters = any(c["error_n_c_diameters"] is not None for c in found["candidates"])
         keys = [f"error_{n}{'_diameters' if in_diameters else ''}" for n in ("n_lr", "n_c")]
-        cells = ["\n".join(number(c[key], 2) for key in keys) for c in found["candidates"]]
+        cells = ["\n".join(_short(c[key]) for key in keys) for c in found["candidates"]]
         unit = "diameters" if in_diameters else found["unit"]
         table.add_row(name if unit == "1" else f"{name}\nin {unit}", *cells)
     return table
@@ -77,15 +91,14 @@ def _chosen(found: Mapping[str, Any]) -> str:
         best_text = f"best K_f {number(best['K_f'])} at {best['interval']:g} s"
         return f"not sufficient at any Δτ considered; {best_text}{promise and '; ' + promise}"
     candidate = next(c for c in found["candidates"] if c["interval"] == chosen)
-    doubt = (
-        ""
-        if candidate["verdict"] == "sufficient"
-        else f"; but {candidate['verdict']}: {'; '.join(candidate['reasons'])}"
-    )
+    index = f"K_f {number(candidate['K_f'])} ≥ {limit:g}"
+    suffices = f"Δτ = {chosen:g} s suffices ({index})"
+    if candidate["verdict"] != "sufficient":
+        rule = f"{candidate['verdict']}: Δτ = {chosen:g} s by the paper's rule alone ({index})"
+        suffices = f"{rule}, but {'; '.join(candidate['reasons'])}"
     left = f"{candidate['n_lr']} … {candidate['n_c']} modes leave {errors_text(candidate, found['unit'])}"
     promise = promise_text(found)
-    sentence = f"Δτ = {chosen:g} s suffices (K_f {number(candidate['K_f'])} ≥ {limit:g}); {left}"
-    return f"{sentence}{promise and '; ' + promise}{doubt}"
+    return f"{suffices}; {left}{promise and '; ' + promise}"
 
 
 def show_comparison(answer: Mapping[str, Any]) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from pod.ranks import Ranks
+from suffice.ranks import shared_rows
 
 
 def torchrun(folder, *arguments, count=2):
@@ -34,6 +35,25 @@ def folder(tmp_path_factory):
 def source(write_run, folder):
     path = folder / "run.h5"
     return path if path.exists() else write_run(path, n_snapshots=61, n=101, interval=0.02)  # motion of full rank
+
+
+@pytest.mark.parametrize(("gpus", "backend", "chosen"), [(0, "gloo", []), (1, "gloo", [0]), (2, "nccl", [1])])
+def test_two_processes_on_one_gpu_share_it_and_sum_elsewhere(gpus, backend, chosen, monkeypatch):
+    import torch
+    import torch.distributed as dist
+
+    backends, devices = [], []
+    for name in ("WORLD_SIZE", "LOCAL_WORLD_SIZE"):
+        monkeypatch.setenv(name, "2")
+    monkeypatch.setenv("LOCAL_RANK", "1")
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: gpus)
+    monkeypatch.setattr(torch.cuda, "set_device", devices.append)
+    monkeypatch.setattr(dist, "init_process_group", lambda name, **_: backends.append(name))
+    monkeypatch.setattr(dist, "destroy_process_group", lambda: None)
+    monkeypatch.setattr("pod.TorchRanks", Ranks)
+    with shared_rows():
+        pass
+    assert (backends, devices) == ([backend], chosen)
 
 
 @pytest.mark.parametrize(("rows", "together", "size"), [(303, 3, 2), (303, 3, 7), (5, 1, 8), (1000, 1, 3)])

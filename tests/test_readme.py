@@ -5,12 +5,14 @@ from pathlib import Path
 from types import UnionType
 from typing import Annotated, Union, get_args, get_origin
 
+import numpy as np
 import pytest
 import typer
 from pydantic import BaseModel
 
 from sim import parse_scene
 from sim.assembly import walls_of
+from sim.filling import solid_fraction
 from sim.scene import Scene
 from suffice.__main__ import app
 
@@ -50,6 +52,19 @@ def test_readme_sets_up_with_these_two_commands():
     commands = [block.strip() for block in blocks(TOP / "README.md", "")]
     assert "pip install -c constraints.txt -e . && suffice study" in commands
     assert "pip install -c constraints.txt -e '.[test]' && pytest" in commands
+
+
+def test_the_first_answer_of_the_readme_is_that_of_its_table():
+    text = (TOP / "README.md").read_text(encoding="utf-8")
+    sentence = r"^(position\.[xy]): Δτ = ([\d.]+) s suffices \(K_f ([\d.]+) ≥ 2\); (\d+) … (\d+) modes"
+    said = re.findall(sentence, text, re.MULTILINE)
+    names = re.search(r"^\| Δτ \| (.*) \|$", text, re.MULTILINE)[1].split(" | ")
+    rows = {row: cells.split(" | ") for row, cells in re.findall(r"^\| (\d+) ms \| (.*) \|$", text, re.MULTILINE)}
+    assert len(said) == 2
+    for name, interval, K_f, n_lr, n_c in said:
+        judged = {row: cells[names.index(name)] for row, cells in rows.items()}
+        assert judged[f"{1e3 * float(interval):g}"] == f"{n_c}/{n_lr} = {K_f} ✓"
+        assert max(int(row) for row, cell in judged.items() if "✓" in cell) == 1e3 * float(interval)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -117,3 +132,18 @@ def test_python_of_the_page_on_your_own_run_reads_a_run(tmp_path, monkeypatch):
     assert names["table"].chosen_interval == names["found"]["position.z"].chosen_interval
     assert names["basis"].ratio[-1] >= 0.999
     assert {row["interval"] for row in names["costs"].front()} == {0.003}
+
+
+@pytest.mark.physics
+def test_page_on_a_scene_of_ones_own_makes_its_vessel_and_beads_that_fit_into_it(tmp_path, monkeypatch):
+    pytest.importorskip("vtkmodules.vtkIOGeometry")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    page = TOP / "docs" / "your_own_scene.md"
+    for code in blocks(page, "python"):
+        exec(compile(code, page.name, "exec"), {})
+    (scene,) = blocks(page, "toml")
+    scene = parse_scene(scene)
+    fraction = solid_fraction(scene, walls_of(scene), np.full(1000, 1e-3))
+    vessel = 1.5 * 3**0.5 * 0.02**2 * 0.015  # m³, of a hexagonal prism
+    assert fraction == pytest.approx(1000 * np.pi / 6 * 2e-3**3 / vessel, rel=0.01)

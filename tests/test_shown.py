@@ -191,7 +191,7 @@ def test_a_tradeoff_is_drawn_one_variable_at_a_time(run):
 
 def test_a_plot_without_matplotlib_names_what_to_install(table, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)
-    with pytest.raises(Refusal, match=r"pip install 'suffice\[notebooks\]'"):
+    with pytest.raises(Refusal, match="pip install matplotlib"):
         plot(table)
 
 

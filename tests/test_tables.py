@@ -36,7 +36,19 @@ def test_a_choice_of_the_papers_rule_that_we_doubt_is_said_with_the_reason(capsy
     doubted = candidate(0.003, 2.25, "undecidable", ["R_c never exceeds 1.05"])
     show_selection(selection(0.003, doubted))
     said = " ".join(capsys.readouterr().out.split())
-    assert "suffices (K_f 2.25 ≥ 2); 20 … 43 modes leave 0.8 … 0.1 d; but undecidable: R_c never exceeds 1.05" in said
+    verdict = "undecidable: Δτ = 0.003 s by the paper's rule alone (K_f 2.25 ≥ 2), but R_c never exceeds 1.05"
+    assert f"position.x: {verdict}; 20 … 43 modes leave 0.8 … 0.1 d" in said
+
+
+def test_a_narrow_terminal_loses_no_digit_of_nine_intervals_and_verdicts_are_seen_without_colour(capsys):
+    judged = [candidate(0.004 * k, 2.25, "sufficient", []) for k in range(10, 1, -1)]
+    small = {"error_n_lr_diameters": 4.6e-4, "error_n_c_diameters": 1.9e-4}
+    answer = selection(0.008, *(c | small for c in judged))
+    answer["variables"] = {"fluid.void_fraction": answer["variables"]["position.x"]}
+    show_selection(answer)
+    said = capsys.readouterr().out
+    assert said.count("4.6e-4") == said.count("1.9e-4") == said.count("2.25✓") == 9
+    assert "…│" not in said
 
 
 def test_where_nothing_suffices_the_best_is_named_and_an_undefined_index_is_a_dash(capsys):
