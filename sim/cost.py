@@ -53,7 +53,7 @@ def step_cost(run: Simulation) -> StepCost:
     over = max((pairs + walls + lists) / whole, 1.0)
     pairs, walls, lists = float(pairs / over), float(walls / over), lists / over
     fluid = {name: seconds / (BATCHES * run.steps_to_next_flow()) for name, seconds in terms.items()}
-    motion = whole - pairs - walls - lists
+    motion = max(whole - pairs - walls - lists, 0.0)  # rounding, where the others take all of it
     return StepCost(BATCHES * batch, whole + sum(fluid.values()), pairs, walls, lists, motion, fluid)
 
 

@@ -26,6 +26,10 @@ Vector = tuple[float, float, float]
 Partners = NDArray[np.uint32]  # unsigned: numba then leaves out the code for negative indices
 
 config: Any = numba_config  # its settings are made at import time, out of a type checker's sight
+# numba would take TBB first where it is installed, which cuts each of our short loops into tasks and spins between them
+LAYERS = ["omp", "workqueue", "tbb"]
+if "NUMBA_THREADING_LAYER_PRIORITY" not in os.environ:
+    config.THREADING_LAYER_PRIORITY = LAYERS
 
 F = TypeVar("F", bound=Callable[..., Any])
 

@@ -41,7 +41,7 @@ def read_stl(field: str, file: str, scale: float) -> Mesh:
     try:
         numpy_of, reader = _vtk("util.numpy_support").vtk_to_numpy, _vtk("vtkIOGeometry").vtkSTLReader()
     except ModuleNotFoundError:
-        raise InputError(f"{field}.file = {file!r}: to read a mesh, `pip install 'suffice[mesh]'`") from None
+        raise InputError(f"{field}.file = {file!r}: to read a mesh, `pip install vtk`") from None
     reader.SetFileName(file)
     warns = reader.GetGlobalWarningDisplay()
     reader.SetGlobalWarningDisplay(0)  # what is wrong with the file is said below

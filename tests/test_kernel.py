@@ -81,3 +81,11 @@ def test_few_pieces_of_work_use_few_threads():
         assert compiled.numba.get_num_threads() == 1
     with compiled.threads_for(10**6):
         assert compiled.numba.get_num_threads() <= compiled.most_threads()
+
+
+def test_loops_do_not_run_on_tbb_where_there_is_another_layer():
+    code = "import numba, sim\nfrom sim.kernel import config\nprint(config.THREADING_LAYER_PRIORITY[0])"
+    free = {name: value for name, value in os.environ.items() if name != "NUMBA_THREADING_LAYER_PRIORITY"}
+    for asked, first in (({}, "omp"), ({"NUMBA_THREADING_LAYER_PRIORITY": "workqueue omp tbb"}, "workqueue")):
+        told = subprocess.run([sys.executable, "-c", code], env=free | asked, capture_output=True, text=True, cwd=ROOT)
+        assert told.stdout.split() == [first], told.stderr
