@@ -87,5 +87,6 @@ def test_loops_do_not_run_on_tbb_where_there_is_another_layer():
     code = "import numba, sim\nfrom sim.kernel import config\nprint(config.THREADING_LAYER_PRIORITY[0])"
     free = {name: value for name, value in os.environ.items() if name != "NUMBA_THREADING_LAYER_PRIORITY"}
     for asked, first in (({}, "omp"), ({"NUMBA_THREADING_LAYER_PRIORITY": "workqueue omp tbb"}, "workqueue")):
-        told = subprocess.run([sys.executable, "-c", code], env=free | asked, capture_output=True, text=True, cwd=ROOT)
-        assert told.stdout.split() == [first], told.stderr
+        command = [sys.executable, "-c", code]
+        told = subprocess.run(command, env=free | asked, capture_output=True, text=True, cwd=ROOT, check=True)
+        assert told.stdout.split() == [first]
