@@ -260,7 +260,7 @@ def test_a_dump_that_cannot_be_followed_is_refused_and_leaves_nothing(tmp_path, 
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ({"format": "vtu"}, r"--format vtu is not known; use lammps or liggghts"),
+        ({"format": "vtu"}, r"--format vtu is not known; use lammps, liggghts, vtk, openfoam, npz, hdf5"),
         ({"diameter": 0.0}, r"--diameter is 0 m; it must be a positive length in m"),
         (
             {"diameter": 0.003},

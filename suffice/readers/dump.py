@@ -1,6 +1,6 @@
 """Dumps of LAMMPS and LIGGGHTS: the text of `dump custom`, atoms in any order, columns in any order."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from suffice.readers.clock import Stamps
 from suffice.readers.columns import read_columns
 from suffice.readers.header import CUT_REMEDY, Header, read_header
 from suffice.readers.text import Text, open_text
@@ -29,6 +30,13 @@ class Survey(NamedTuple):
     headers: list[Header]
 
 
+def read_dump(sources: Sequence[Path], mapped: Mapping[str, str]) -> "Dump":
+    """Return the run in dump files. Raises `Refusal` as `Dump` does, and for a mapping: columns have fixed names."""
+    if mapped:
+        raise Refusal(f"--map {next(iter(mapped))}: the columns of a dump have fixed names; leave --map out")
+    return Dump(sources)
+
+
 class Dump:
     """A run in one or more dump files, surveyed once and then read snapshot by snapshot.
 
@@ -45,15 +53,20 @@ class Dump:
         self.motions = {name: three for name, three in MOTIONS.items() if set(three) <= set(self.columns)}
 
     @cached_property
+    def stamps(self) -> Stamps:
+        """Time step numbers of the snapshots, and their times if each has its `ITEM: TIME`."""
+        said = [header.time for header in self.headers if header.time is not None]
+        times = np.array(said) if len(said) == len(self.headers) else None
+        return Stamps(len(self.steps), self.steps, times, "ITEM: TIME of the source")
+
+    @cached_property
     def steps(self) -> NDArray[np.int64]:
         """Time step number of every snapshot, (snapshots,)."""
         return np.array([header.step for header in self.headers], np.int64)
 
-    @cached_property
-    def times(self) -> NDArray[np.float64] | None:
-        """Physical time of every snapshot in s, (snapshots,), if each has its `ITEM: TIME`."""
-        said = [header.time for header in self.headers if header.time is not None]
-        return np.array(said) if len(said) == len(self.headers) else None
+    @property
+    def grid(self) -> None:
+        """A dump holds no fluid."""
 
     @cached_property
     def used(self) -> tuple[str, ...]:
