@@ -101,7 +101,7 @@ def detect_format(paths: Sequence[Path]) -> str:
         start = text.block(1)[:80]
     if start.startswith(b"ITEM:"):
         return "lammps"
-    if start.startswith(MAGIC):
+    if start.startswith(MAGIC[:4]):  # a line break is part of it
         return "vtk" if is_vtkhdf(first) else "hdf5"
     if start.startswith(b"PK"):
         return "npz"
