@@ -6,6 +6,7 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tokenize import TokenError
 from typing import IO, Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,8 @@ from numpy.typing import NDArray
 
 from suffice.refusal import Refusal
 
+# the last two by numpy's parser of a header
+DAMAGES = (OSError, zipfile.BadZipFile, zlib.error, EOFError, ValueError, RuntimeError, SyntaxError, TokenError)
 REMEDY = "write it again with np.savez"
 
 
@@ -87,15 +90,7 @@ class Npz:
                 yield archive
         except Refusal:
             raise
-        except (
-            OSError,
-            zipfile.BadZipFile,
-            zlib.error,
-            EOFError,
-            ValueError,
-            NotImplementedError,
-            RuntimeError,
-        ) as error:
+        except DAMAGES as error:
             raise Refusal(f"{self.path} cannot be read to its end ({error}); copy it again, or {REMEDY}") from None
 
 
