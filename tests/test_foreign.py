@@ -144,3 +144,21 @@ def test_a_case_of_openfoam_gives_its_parcels_and_the_fields_of_its_box(unpacked
         judged(run, ["position.z", "fluid.velocity.z", "fluid.void_fraction"])
     with imported(case, tmp_path / "run.h5", maps=["fluid=none"]) as run:
         assert (run.grid, run.n_snapshots) == (None, 40)
+
+
+@pytest.mark.usefixtures("vtk")
+def test_a_study_of_a_foreign_case_goes_from_its_files_to_a_report(unpacked, tmp_path, suffice):
+    unpacked("openfoam")
+    tables = {
+        "source": 'files = ["openfoam/box"]\nmap = { "fluid.velocity" = "U.air" }',
+        "select": 'variables = ["position.z", "fluid.velocity.z"]',
+        "compare": 'variables = ["position.z"]\nintervals = [0.02, 0.01]\nsurrogates = ["spline"]',
+    }
+    text = "\n".join(f"[{name}]\n{lines}" for name, lines in tables.items())
+    (tmp_path / "mine.toml").write_text(text)
+    said = suffice("study", tmp_path / "mine.toml", "-o", tmp_path / "mine")
+    assert said.code == 0, said.err
+    assert "64 particles, 40 snapshots read" in said.err
+    assert "fluid.velocity.z" in (tmp_path / "mine" / "report.html").read_text()
+    said = suffice("study", tmp_path / "mine.toml", "-o", tmp_path / "mine")
+    assert "import: nothing changed, kept" in said.err

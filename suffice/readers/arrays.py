@@ -101,7 +101,8 @@ class ArrayRun:
     @property
     def notes(self) -> list[str]:
         """How the arrays were understood."""
-        unnamed = ["no ids: particle i is row i of every snapshot"] if "id" not in self.names else []
+        nameless = "position" in self.names and "id" not in self.names
+        unnamed = ["no ids: particle i is row i of every snapshot"] if nameless else []
         called = [f"{what} from {name}" for what, name in self.names.items() if name != what]
         return ["SI units taken", *unnamed, *([", ".join(called)] if called else [])]
 

@@ -40,6 +40,7 @@ class VtkProcess:
         self._process = subprocess.Popen(
             [sys.executable, "-P", str(PROGRAM)],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment,
+            start_new_session=True,  # Ctrl-C is for us; the program ends when its pipe is closed
         )  # fmt: skip
 
     def read(self, path: Path, type: str, wanted: Sequence[str] | None = None) -> Piece:
