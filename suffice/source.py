@@ -7,6 +7,7 @@ from pydantic import Field
 
 from suffice.progress import Reporter
 from suffice.readers import import_run
+from suffice.readers.series import entries_of
 from suffice.refusal import Refusal
 from suffice.stages import Settings, Stage
 
@@ -41,7 +42,7 @@ def reading_stage(source: Source, home: Path, run: Path, reporter: Reporter) -> 
             )
         return f"{made.n_particles} particles, {made.n_snapshots} snapshots read"
 
-    stamps = [_stamp(path) for path in files]
+    stamps = [_stamp(path) for file in files for path in _behind(file)]
     # an option that is not used leaves studies that were made before as they are
     wished = source.model_dump(exclude={"map"}) | ({"map": source.map} if source.map else {})
     return Stage("import", [wished, stamps], (run,), make)
@@ -52,6 +53,11 @@ def _named(name: str, home: Path) -> list[Path]:
     if not found or not found[0].exists():
         raise Refusal(f"source.files: {home / name} is not a file or folder; paths are relative to the study's folder")
     return found
+
+
+def _behind(file: Path) -> list[Path]:
+    """Return a file, and those that it lists."""
+    return [file, *(entry.path for entry in entries_of(file))] if file.suffix in (".pvd", ".series") else [file]
 
 
 def _stamp(path: Path) -> Any:

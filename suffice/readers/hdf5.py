@@ -24,7 +24,7 @@ def opened(path: Path) -> Iterator[Any]:
     except Refusal:
         raise
     except (OSError, RuntimeError, LookupError, ValueError, TypeError) as error:
-        raise Refusal(f"{path} cannot be read ({error}); copy it again, or write it again") from None
+        raise Refusal(f"{path} cannot be read ({str(error)[:200]}); copy it again, or write it again") from None
 
 
 def node_of(file: Any, name: str, beside: bool = False) -> Any:

@@ -91,7 +91,9 @@ class Npz:
         except Refusal:
             raise
         except DAMAGES as error:
-            raise Refusal(f"{self.path} cannot be read to its end ({error}); copy it again, or {REMEDY}") from None
+            raise Refusal(
+                f"{self.path} cannot be read to its end ({str(error)[:200]}); copy it again, or {REMEDY}"
+            ) from None
 
 
 def _header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:

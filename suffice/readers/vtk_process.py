@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from suffice.refusal import Refusal
 
 PROGRAM = Path(__file__).with_name("vtk_program.py")
-MEMORY_OF_VTK = 2 << 30  # bytes of address space that the program takes before it reads anything, generously
+MEMORY_OF_VTK = 1 << 30  # bytes of address space; the program takes a third of it before it reads anything
 MEMORY_PER_BYTE = 64  # of a file: compressed text of numbers grows twentyfold
 REMEDY = "write it again, or copy it again"
 
