@@ -212,7 +212,7 @@ def with_an_extra_column(path):
         (lambda path: path.mkdir(), r"folder"),
         (lambda path: path.touch(), r"empty"),
         (lambda path: path.write_bytes(b"\n\n"), r"no format suffice reads"),
-        (lambda path: path.write_bytes(b"\x89HDF\r\n\x1a\n"), r"no format suffice reads"),
+        (lambda path: path.write_bytes(b"\x89HDF\r\n\x1a\n"), r"a.dump cannot be read"),
         (
             lambda path: dump(path, [snapshot(0), snapshot(1, n=4)]),
             r"step 100: particle id 15 is missing \(1 of 5 lost",
