@@ -269,7 +269,10 @@ def test_a_dump_that_cannot_be_followed_is_refused_and_leaves_nothing(suffice, d
         (["--interval", "0"], "--interval is 0 s; it must be a positive number of seconds"),
         (["--timestep", "-1"], "--timestep is -1 s"),
         (["--interval", "0.001", "--diameter", "nan"], "--diameter is nan m; it must be a positive length in m"),
-        (["--interval", "0.001", "--format", "gadget"], "--format gadget is not known; use lammps, liggghts, vtk, openfoam, npz, hdf5"),
+        (
+            ["--interval", "0.001", "--format", "gadget"],
+            "--format gadget is not known; use lammps, liggghts, vtk, openfoam, npz, hdf5",
+        ),
     ],
 )
 def test_options_of_an_import_that_cannot_be_used_are_refused(suffice, dump, here, options, says):

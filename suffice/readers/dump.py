@@ -110,7 +110,9 @@ class Dump:
 
     def _frame(self, header: Header, text: Text) -> Frame:
         where = f"{text.path} step {header.step}"
-        lines = _atoms(text, header)
+        lines = text.block(header.n)
+        if lines.count(b"\n") < header.n:
+            raise Refusal(f"{text.path} changed while it was read; import it when it is complete")
         table = read_columns(lines, header.columns, self.used, where)
         of = dict(zip(self.used, table.T, strict=True))
         position = table[:, 1:4] if self.position[0] in ("x", "xu") else self._unscaled(table[:, 1:4], header)
@@ -165,21 +167,23 @@ def survey(path: Path) -> Survey:
     headers = []
     with open_text(path) as text:
         while (header := read_header(text)) is not None:
-            _atoms(text, header)
+            _check_atoms(text, header)
             headers.append(header)
     if not headers:
         raise Refusal(f"{path} is empty; name a dump that holds snapshots")
     return Survey(path, headers)
 
 
-def _atoms(text: Text, header: Header) -> bytes:
-    """Return the lines of the atoms. Raises `Refusal` when the file ends or another snapshot begins before the last."""
-    lines = text.block(header.n)
-    whole = lines.partition(b"ITEM:")[0]
-    n = whole.count(b"\n")
+def _check_atoms(text: Text, header: Header) -> None:
+    """Read past the atoms. Raises `Refusal` when the file ends or another snapshot begins before the last of them."""
+    n = 0
+    for piece in text.pieces(header.n):
+        whole, another, _ = piece.partition(b"ITEM:")
+        n += whole.count(b"\n")
+        if another:
+            break
     if n < header.n:
         raise Refusal(
             f"{text.path}: the snapshot of step {header.step} at line {header.line} is cut: it has {n} whole lines of "
             f"{header.n} atoms; {CUT_REMEDY}"
         )
-    return lines
