@@ -205,6 +205,12 @@ def without_ids(folder):
     write_particles(folder / "beads_300.vtu", 0.03, place[:-1], {name: rows[:-1] for name, rows in arrays.items()})
 
 
+def without_particles(folder):
+    for k in range(4):
+        none = {name: rows[:0] for name, rows in beads(k)[1].items()} if k == 0 else beads(k)[1]
+        write_particles(folder / f"beads_{100 * k}.vtu", 0.01 * k, beads(k)[0][: len(none["id"])], none)
+
+
 def with_a_nan(folder):
     place, arrays = beads(1)
     arrays["velocity"][2, 1] = np.nan
@@ -231,6 +237,14 @@ def entities(folder):
     file.write_bytes(text)
 
 
+def entities_behind_a_comment(folder):
+    file = folder / "beads_200.vtu"
+    comment = b'<!-- <VTKFile type="UnstructuredGrid"> -->'
+    hidden = comment + b'<!DOCTYPE x [<!ENTITY l SYSTEM "/etc/passwd">]>'
+    first = b'<?xml version="1.0"?>'
+    file.write_bytes(file.read_bytes().replace(first, first + hidden))
+
+
 def absurd_number_of_points(folder):
     file = folder / "beads_200.vtu"
     file.write_bytes(file.read_bytes().replace(b'NumberOfPoints="6"', b'NumberOfPoints="600000000000"'))
@@ -240,11 +254,13 @@ def absurd_number_of_points(folder):
     ("spoil", "says"),
     [
         (without_ids, r"beads_300.vtu: particle id \d is missing \(1 of 6 lost since .*beads_0.vtu\)"),
+        (without_particles, r"beads_0.vtu holds no particles; leave snapshots without particles out"),
         (with_a_nan, r"beads_100.vtu: particle id \d has velocity = nan, not a finite number"),
         (without_velocity, r"beads_100.vtu has no array velocity, which the first snapshot has"),
         (cut, r"beads_200.vtu (cannot be read to its end|stops VTK's reader)"),
         (lambda folder: cut(folder, 0.2), r"beads_200.vtu (cannot be read to its end|stops VTK's reader)"),
         (entities, r"beads_200.vtu declares a document type, which may hold entities"),
+        (entities_behind_a_comment, r"beads_200.vtu declares a document type, which may hold entities"),
         (absurd_number_of_points, r"beads_200.vtu (cannot be read to its end|stops VTK's reader)"),
     ],
 )

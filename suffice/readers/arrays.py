@@ -12,7 +12,7 @@
 Several .npz hold a snapshot each: the same without the first axis, `time` a number.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from itertools import repeat
 from pathlib import Path
 from typing import Any, Protocol
@@ -106,7 +106,7 @@ class ArrayRun:
         called = [f"{what} from {name}" for what, name in self.names.items() if name != what]
         return ["SI units taken", *unnamed, *([", ".join(called)] if called else [])]
 
-    def frames(self) -> Iterator[Frame]:
+    def frames(self) -> Generator[Frame, None, None]:
         """Read the snapshots in the order of time, holding one in memory."""
         streams = {name: self.arrays.rows(self.names[name]) for name in self.variables}
         streams |= {name: self._each(name) for name in EACH if name in self.names}

@@ -1,6 +1,6 @@
 """Dumps of LAMMPS and LIGGGHTS: the text of `dump custom`, atoms in any order, columns in any order."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
@@ -96,7 +96,7 @@ class Dump:
             notes.append("particles jump where they cross a periodic face; dump xu yu zu to avoid it")
         return notes
 
-    def frames(self) -> Iterator[Frame]:
+    def frames(self) -> Generator[Frame, None, None]:
         """Read the snapshots in the order of time, holding one in memory.
 
         Raises `Refusal` naming particle, column and step of a number that is none, or not finite.

@@ -1,6 +1,7 @@
 """Somebody else's run, brought into `run.h5`."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from importlib.metadata import version
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -123,25 +124,26 @@ def _write(
     progress: Callable[[int, int], None],
 ) -> int:
     """Write all snapshots and return how many particles each has."""
-    frames = followed(trajectory.frames())
-    first = next(frames)
-    n, n_snapshots = len(first.ids), len(clock.times)
-    with RunWriter(
-        output,
-        ids=first.ids,
-        radius=_radius(first, diameter),
-        species=np.ones(n, np.int64) if first.species is None else first.species,
-        n_snapshots=n_snapshots,
-        variables=tuple(first.values),
-        grid=trajectory.grid,
-        provenance=provenance,
-        precision=precision,
-        beside=True,
-    ) as run:
-        run.append(clock.times[0], first.values)
-        for done, frame in enumerate(frames, start=1):
-            progress(done, n_snapshots)
-            run.append(clock.times[done], frame.values)
+    with closing(trajectory.frames()) as read:  # also where the writing fails, nothing of the source stays open
+        frames = followed(read)
+        first = next(frames)
+        n, n_snapshots = len(first.ids), len(clock.times)
+        with RunWriter(
+            output,
+            ids=first.ids,
+            radius=_radius(first, diameter),
+            species=np.ones(n, np.int64) if first.species is None else first.species,
+            n_snapshots=n_snapshots,
+            variables=tuple(first.values),
+            grid=trajectory.grid,
+            provenance=provenance,
+            precision=precision,
+            beside=True,
+        ) as run:
+            run.append(clock.times[0], first.values)
+            for done, frame in enumerate(frames, start=1):
+                progress(done, n_snapshots)
+                run.append(clock.times[done], frame.values)
     progress(n_snapshots, n_snapshots)
     return n
 

@@ -1,6 +1,6 @@
 """A case of OpenFOAM: its Lagrangian cloud, and fields of the fluid on a uniform box."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -74,7 +74,7 @@ class OpenFoamCase:
             found.append(f"times before {self.times[0]:g} s left out: they do not hold all that the last one does")
         return [*found, "VTK reads OpenFOAM in single precision"]
 
-    def frames(self) -> Iterator[Frame]:
+    def frames(self) -> Generator[Frame, None, None]:
         """Read the snapshots in the order of time, holding one in memory."""
         with VtkProcess() as vtk:
             for time in self.times:

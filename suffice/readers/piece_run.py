@@ -1,6 +1,6 @@
 """A run whose snapshots are datasets of VTK: particles, cells of a uniform grid, or both side by side."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from typing import Any, NamedTuple, Protocol
 
@@ -23,6 +23,10 @@ class PieceSource(Protocol):
     @property
     def stamps(self) -> Stamps:
         """How many there are, and what is said of their time."""
+
+    @property
+    def head(self) -> Piece:
+        """The first dataset without its arrays of values."""
 
     def where(self, k: int) -> str:
         """Return how to find snapshot k, for messages."""
@@ -77,7 +81,7 @@ class PieceRun:
         """How the sources were understood."""
         return ["SI units taken", *self._notes, *(note for group in self._groups for note in notes_of(group.chosen))]
 
-    def frames(self) -> Iterator[Frame]:
+    def frames(self) -> Generator[Frame, None, None]:
         """Read the snapshots in the order of time, holding one in memory."""
         with ExitStack() as stack:
             reads = [stack.enter_context(group.source.opened()) for group in self._groups]
@@ -114,9 +118,7 @@ class PieceRun:
 
 def _group(source: PieceSource, mapped: Mapping[str, str]) -> Group | None:
     """Decide what the first dataset of a source is; None for a fluid that is left out."""
-    where = source.where(0)
-    with source.opened() as read:
-        head = read(0, ())
+    where, head = source.where(0), source.head
     if head.facts["kind"] == "particles":
         return Group(source, choose(head, mapped, where), None)
     if mapped.get("fluid") == "none":

@@ -12,6 +12,7 @@ from suffice.refusal import Refusal
 HEAD = 1 << 16  # bytes in which the first element of an XML file must stand
 LARGEST_LIST = 64 << 20  # bytes of a list of files
 ROOT = re.compile(rb"<VTKFile\b[^>]*?\btype\s*=\s*[\"'](\w+)[\"']")
+ASIDE = re.compile(rb"<!--.*?-->|<\?.*?\?>", re.DOTALL)  # comments and instructions
 LEGACY = b"# vtk DataFile"
 NUMBER = re.compile(r"(\d+)\D*$")
 
@@ -34,10 +35,11 @@ def type_of(path: Path) -> str | None:
         head = file.read(HEAD)
     if head.startswith(LEGACY):
         return "legacy"
-    root = ROOT.search(head)
+    text = ASIDE.sub(b"", head)
+    root = ROOT.search(text)
     if root is None:
         return None
-    if b"<!" in re.sub(rb"<!--.*?-->", b"", head[: root.start()], flags=re.DOTALL):
+    if text[: root.start()].strip(b"\xef\xbb\xbf \t\r\n"):
         raise Refusal(f"{path} declares a document type, which may hold entities; write it again without")
     return root.group(1).decode()
 

@@ -1,6 +1,6 @@
 """The particles of one snapshot, the same and in the same order as in every other."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -44,7 +44,7 @@ class Trajectory(Protocol):
     def notes(self) -> Sequence[str]:
         """What the user should know about how the source was understood."""
 
-    def frames(self) -> Iterator[Frame]:
+    def frames(self) -> Generator[Frame, None, None]:
         """Read the snapshots in the order of time, holding one in memory."""
 
 
@@ -62,6 +62,8 @@ def followed(frames: Iterable[Frame]) -> Iterator[Frame]:
                 f"{frame.where} holds {', '.join(frame.values)}, but {first.where} {', '.join(first.values)}; "
                 "import snapshots that hold the same"
             )
+        if "position" in frame.values and not len(frame.ids):
+            raise Refusal(f"{frame.where} holds no particles; leave snapshots without particles out")
         _check_finite(frame)
         if not np.array_equal(frame.ids, first.ids):
             raise Refusal(_difference(frame, first))

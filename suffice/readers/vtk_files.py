@@ -33,7 +33,9 @@ class FileSeries:
 
     def __init__(self, entries: Sequence[Entry]) -> None:
         self.entries = entries
-        self.stamps = self._read_stamps()
+        with self.opened() as read:
+            self.head = read(0, ())
+            self.stamps = self._read_stamps(read)
 
     def where(self, k: int) -> str:
         """Return the file of snapshot k."""
@@ -45,7 +47,7 @@ class FileSeries:
         with VtkProcess() as vtk:
             yield lambda k, names: vtk.read(self.entries[k].path, self.entries[k].type, names)
 
-    def _read_stamps(self) -> Stamps:
+    def _read_stamps(self, read: Read) -> Stamps:
         """Return times from a list of files, or from inside the files; and step numbers from their names otherwise."""
         n = len(self.entries)
         if self.entries[0].time is not None:
@@ -54,10 +56,9 @@ class FileSeries:
         numbered = None if None in steps else np.array(steps, np.int64)
         if n > 1 and numbered is None:
             raise Refusal(f"{self.where(steps.index(None))} has no number in its name; give a .pvd that says the times")
-        with self.opened() as read:
-            if _time_in(read(0, ())) is None:
-                return Stamps(n, numbered)
-            times = [_time_in(read(k, ())) for k in range(n)]
+        if _time_in(self.head) is None:
+            return Stamps(n, numbered)
+        times = [_time_in(read(k, ())) for k in range(n)]
         if None in times:
             raise Refusal(f"{self.where(times.index(None))} does not say its time, as {self.where(0)} does; add it")
         return Stamps(n, numbered, np.array(times, float), "the files themselves")

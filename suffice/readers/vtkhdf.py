@@ -56,6 +56,12 @@ class VtkHdf:
             Stamps(1) if self.times is None else Stamps(len(self.times), None, self.times, "Steps/Values of the file")
         )
 
+    @property
+    def head(self) -> Piece:
+        """The first dataset without its arrays of values."""
+        with self.opened() as read:
+            return read(0, ())
+
     def where(self, k: int) -> str:
         """Return file and snapshot."""
         return str(self.path) if self.times is None else f"{self.path} snapshot {k}"
