@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import struct
 from pathlib import Path
 
@@ -198,6 +199,20 @@ def test_an_array_of_another_name_is_mapped(tmp_path):
         import_run(tmp_path / "a_0.vtu", tmp_path / "run.h5")
     with imported(tmp_path / "a_0.vtu", tmp_path / "run.h5", maps=["id=number", "velocity=w"]) as run:
         assert np.array_equal(run.snapshot(0).values["velocity"], arrays["velocity"][np.argsort(arrays["id"])])
+
+
+def test_particles_that_jump_across_a_periodic_face_are_told(tmp_path):
+    for k in range(5):
+        place, arrays = beads(0)
+        at = np.argsort(arrays["id"])
+        place[at, 0] = (0.12 + 0.15 * np.arange(N) + 0.04 * k) % 1.0  # id 8 is at 0.87, 0.91, 0.95, 0.99 m
+        write_particles(tmp_path / f"beads_{k}.vtu", 0.01 * k, place, arrays)
+    made = import_run([*tmp_path.glob("*.vtu")], tmp_path / "run.h5")
+    told = r"1 times a particle jumps by over half of the extent of all, first id 8 along x to .*beads_4.vtu: unwrap"
+    assert re.search(told, made.notes[-1])
+    with Run(tmp_path / "run.h5") as run:
+        assert run.provenance["notes"].splitlines()[-1] == made.notes[-1]
+    assert not any("jumps" in note for note in import_run(vtu_files(tmp_path), tmp_path / "run.h5").notes)
 
 
 def without_ids(folder):

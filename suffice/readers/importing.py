@@ -3,17 +3,20 @@
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from importlib.metadata import version
+from itertools import chain
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from suffice import layout
 from suffice.lock import only_writer
 from suffice.readers.arrays import read_hdf5, read_npz
 from suffice.readers.clock import Clock, physical_times
 from suffice.readers.dump import read_dump
 from suffice.readers.hdf5 import MAGIC
+from suffice.readers.jumps import Jumps
 from suffice.readers.names import parse_map
 from suffice.readers.openfoam import is_case, read_openfoam
 from suffice.readers.series import type_of
@@ -23,6 +26,8 @@ from suffice.readers.vtk_files import read_vtk
 from suffice.readers.vtkhdf import is_vtkhdf
 from suffice.refusal import Refusal
 from suffice.store import RunWriter, check_place
+
+ROOM = 500  # bytes for what is found while the snapshots are read
 
 Reader = Callable[[Sequence[Path], Mapping[str, str]], Trajectory]
 READERS: Mapping[str, Reader] = {
@@ -86,9 +91,9 @@ def import_run(
     }
     check_place(Path(output))
     with only_writer(Path(output)):
-        n = _write(trajectory, clock, Path(output), diameter, precision, provenance, progress or _silent)
+        n, found = _write(trajectory, clock, Path(output), diameter, precision, provenance, progress or _silent)
     variables, ignored = tuple(trajectory.variables), tuple(trajectory.ignored)
-    return Imported(Path(output), len(clock.times), n, clock.times, variables, ignored, notes)
+    return Imported(Path(output), len(clock.times), n, clock.times, variables, ignored, (*notes, *found))
 
 
 def detect_format(paths: Sequence[Path]) -> str:
@@ -122,8 +127,9 @@ def _write(
     precision: Literal["single", "double"],
     provenance: Mapping[str, str],
     progress: Callable[[int, int], None],
-) -> int:
-    """Write all snapshots and return how many particles each has."""
+) -> tuple[int, list[str]]:
+    """Write all snapshots; return how many particles each has, and what was found on the way."""
+    jumps, notes = Jumps(), provenance["notes"]
     with closing(trajectory.frames()) as read:  # also where the writing fails, nothing of the source stays open
         frames = followed(read)
         first = next(frames)
@@ -136,16 +142,18 @@ def _write(
             n_snapshots=n_snapshots,
             variables=tuple(first.values),
             grid=trajectory.grid,
-            provenance=provenance,
+            provenance={**provenance, "notes": notes.ljust(len(notes) + ROOM)},
             precision=precision,
             beside=True,
         ) as run:
-            run.append(clock.times[0], first.values)
-            for done, frame in enumerate(frames, start=1):
-                progress(done, n_snapshots)
+            for done, frame in enumerate(chain([first], frames)):
+                if done:
+                    progress(done, n_snapshots)
+                jumps.see(frame)
                 run.append(clock.times[done], frame.values)
+            run.put(f"{layout.PROVENANCE}/notes", np.bytes_("\n".join([notes, *jumps.notes]).encode()))
     progress(n_snapshots, n_snapshots)
-    return n
+    return n, jumps.notes
 
 
 def _silent(_done: int, _all: int) -> None:
