@@ -16,12 +16,13 @@ PARTICLES: Mapping[str, Sequence[str]] = {
 }
 CELLS: Mapping[str, Sequence[str]] = {
     "fluid.velocity": ("u", "velocity", "gasvelocity", "fluidvelocity"),
-    "fluid.pressure": ("p", "pressure", "gaspressure", "fluidpressure"),
+    "fluid.pressure": ("p", "pressure", "pg", "gaspressure", "fluidpressure"),
     "fluid.void_fraction": ("voidfraction", "epg", "porosity", "alphaphase"),
 }
 THREES: Mapping[str, Sequence[str]] = {
     "velocity": ("vx", "vy", "vz"),
     "angular_velocity": ("omegax", "omegay", "omegaz"),
+    "fluid.velocity": ("U_G", "V_G", "W_G"),
 }
 OTHERS = ("position", "time", "grid.origin", "grid.spacing", "cloud", "fluid")  # that --map knows as well
 KNOWN = (*PARTICLES, *CELLS, *OTHERS)
