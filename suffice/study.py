@@ -150,10 +150,9 @@ def stages_of(name: str, study: Study, home: Path, folder: Path, reporter: Repor
     if study.omissions is not None and study.scene is not None:
         variants = omission_stages(study.omissions, study.scene, study.seed, home, folder, reporter)
         return [*variants, _reporting(name, folder)]
-    if study.source is not None:
-        first = reading_stage(study.source, home, folder / RUN, reporter)
+    if study.scene is None:
+        first = _reading(study, home, folder, reporter)
     else:
-        assert study.scene is not None  # the model's validator gave one or the other
         text = scene_in(study.scene, home)
         first = simulation_stage("simulate", text, study.scene, study.seed, folder / RUN, home, reporter)
     select, against = folder / SELECTION, folder / COMPARISON
@@ -169,6 +168,11 @@ def stages_of(name: str, study: Study, home: Path, folder: Path, reporter: Repor
 def _reporting(name: str, folder: Path) -> Stage:
     outputs = (folder / "report.html", folder / "results.json")
     return Stage("report", name, outputs, lambda: make_report(folder, name))
+
+
+def _reading(study: Study, home: Path, folder: Path, reporter: Reporter) -> Stage:
+    assert study.source is not None  # the model's validator gave one or the other
+    return reading_stage(study.source, home, folder / RUN, reporter)
 
 
 def _select(settings: Selecting, folder: Path, reporter: Reporter) -> str:
