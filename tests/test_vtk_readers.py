@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from suffice.quantities import Grid
-from suffice.readers import import_run
+from suffice.readers import import_run, vtk_process
 from suffice.refusal import Refusal
 from suffice.store import Run
 from suffice.xml_vtk import write_fields, write_list, write_particles
@@ -360,11 +360,39 @@ def test_without_vtk_the_command_says_how_to_install_it(tmp_path, monkeypatch):
         import_run(vtu_files(tmp_path, 2), tmp_path / "run.h5")
 
 
+def readers_running():
+    """The processes of ours that read with VTK."""
+    children = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
+    return [child for child in children if b"vtk_program.py" in Path(f"/proc/{child}/cmdline").read_bytes()]
+
+
 def test_no_reader_is_left_behind_where_an_import_is_refused_in_the_middle(tmp_path):
     files = vtu_files(tmp_path)
     cut(tmp_path)
     with pytest.raises(Refusal):
         import_run(files, tmp_path / "run.h5")
-    children = Path(f"/proc/self/task/{os.getpid()}/children")
-    for child in children.read_text().split():
-        assert b"vtk_program.py" not in Path(f"/proc/{child}/cmdline").read_bytes()
+    assert readers_running() == []
+
+
+def test_an_import_that_is_interrupted_leaves_neither_a_file_nor_a_reader(tmp_path):
+    running = []
+
+    def stop(done, _of):
+        running.extend(readers_running())
+        if done == 2:
+            raise KeyboardInterrupt
+
+    files = vtu_files(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    with pytest.raises(KeyboardInterrupt):
+        import_run(files, tmp_path / "run.h5", progress=stop)
+    assert running
+    assert readers_running() == []
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_reader_that_wants_more_memory_than_it_may_have_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(vtk_process, "MEMORY_OF_VTK", 200 << 20)  # less than VTK takes by itself
+    monkeypatch.setattr(vtk_process, "MEMORY_PER_BYTE", 0)
+    with pytest.raises(Refusal, match=r"beads_0.vtu (cannot be read to its end|stops VTK's reader)"):
+        import_run(vtu_files(tmp_path), tmp_path / "run.h5")

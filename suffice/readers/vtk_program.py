@@ -197,6 +197,13 @@ def answer(request: Any) -> tuple[Any, list[Any]]:
     return {"pieces": heads, "times": times}, [array for _, arrays in pieces for array in arrays.values()]
 
 
+def limit_memory(size: int) -> None:
+    """Let the process take no more bytes of address space than this, where the system can hold it to that."""
+    if sys.platform == "linux":
+        _, most = resource.getrlimit(resource.RLIMIT_AS)
+        resource.setrlimit(resource.RLIMIT_AS, (size if most == resource.RLIM_INFINITY else min(size, most), most))
+
+
 def main() -> None:
     """Answer requests until there are no more."""
     out = os.fdopen(os.dup(1), "wb")
@@ -208,7 +215,7 @@ def main() -> None:
         return
     for line in sys.stdin.buffer:
         request = json.loads(line)
-        resource.setrlimit(resource.RLIMIT_AS, (request["memory"], resource.RLIM_INFINITY))
+        limit_memory(request["memory"])
         try:
             head, arrays = answer(request)
         except (BrokenFileError, MemoryError) as error:
