@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from suffice.readers import import_run
+from suffice.refusal import Refusal
 from suffice.selecting import select_run
 from suffice.store import Run
 
@@ -144,6 +145,42 @@ def test_a_case_of_openfoam_gives_its_parcels_and_the_fields_of_its_box(unpacked
         judged(run, ["position.z", "fluid.velocity.z", "fluid.void_fraction"])
     with imported(case, tmp_path / "run.h5", maps=["fluid=none"]) as run:
         assert (run.grid, run.n_snapshots) == (None, 40)
+
+
+@pytest.mark.usefixtures("vtk")
+@pytest.mark.parametrize(
+    ("file", "share", "says"),
+    [
+        ("0.1/lagrangian/kinematicCloud/positions", 0.5, r"cannot be read to its end"),
+        ("0.1/U.air", 0.5, r"cannot be read to its end"),
+        ("0.2/U.air", 0.0, r"time 0.005 holds fluid.velocity, which the last time, 0.2 s, does not or has damaged"),
+        ("0.2/lagrangian/kinematicCloud/U", 0.0, r"time 0.005 holds velocity, which the last time, 0.2 s, does not"),
+        ("0.2/lagrangian/kinematicCloud/origId", 0.0, r"none is the id of the particles"),
+        ("constant/polyMesh/faces", 0.9, r"cannot be read to its end"),
+    ],
+)
+def test_a_damaged_case_is_refused(unpacked, tmp_path, file, share, says):
+    case = unpacked("openfoam") / "box"
+    text = (case / file).read_bytes()
+    (case / file).write_bytes(text[: int(share * len(text))])
+    with pytest.raises(Refusal, match=says):
+        import_run(case, tmp_path / "run.h5")
+    assert not (tmp_path / "run.h5").exists()
+
+
+@pytest.mark.usefixtures("vtk")
+def test_a_case_that_loses_a_parcel_is_refused_with_its_id(unpacked, tmp_path):
+    case = unpacked("openfoam") / "box"
+    for path in (case / "0.1" / "lagrangian" / "kinematicCloud").iterdir():
+        lines = path.read_text().splitlines(keepends=True)
+        begins = next((k for k, line in enumerate(lines) if line.strip() == "64"), None)
+        if begins is None:  # all the same: 64{1}
+            path.write_text(path.read_text().replace("64{", "63{"))
+        else:  # without the last one
+            (end,) = (k for k, line in enumerate(lines) if k > begins and line.strip() == ")")
+            path.write_text("".join([*lines[:begins], "63\n", *lines[begins + 1 : end - 1], *lines[end:]]))
+    with pytest.raises(Refusal, match=r"time 0.1: particle id \d+ is missing \(1 of 64 lost since .*time 0.005\)"):
+        import_run(case, tmp_path / "run.h5")
 
 
 @pytest.mark.usefixtures("vtk")

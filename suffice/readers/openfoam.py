@@ -84,9 +84,11 @@ class OpenFoamCase:
                 if self.chosen is not None:
                     if self.cloud not in pieces:
                         raise Refusal(f"{where} has no cloud {self._cloud_name}; import a part of the run that has it")
+                    self._check_same(self.chosen, pieces[self.cloud], where)
                     frame = particles_of(pieces[self.cloud], self.chosen, where)
                 fields = {}
                 if self.fields is not None and self.cells is not None:
+                    self._check_same(self.fields, pieces[MESH], where)
                     fields = fields_of(pieces[MESH], self.fields, self.cells, where)
                 yield frame._replace(values={**frame.values, **fields})
 
@@ -133,6 +135,14 @@ class OpenFoamCase:
         if MESH not in pieces or self.mapped.get("fluid") == "none":
             return None, None
         return cells_of(pieces[MESH], str(self.case)), choose(pieces[MESH], self.mapped, str(self.case))
+
+    def _check_same(self, chosen: Chosen, piece: Piece, where: str) -> None:
+        """Refuse a time that holds more than the last one, by which it was decided what is read."""
+        if more := set(choose(piece, self.mapped, where).used) - set(chosen.used):
+            raise Refusal(
+                f"{where} holds {', '.join(sorted(more))}, which the last time, {self.times[-1]:g} s, does not or has "
+                "damaged; write that again, or remove it"
+            )
 
     def _holds_all(self, pieces: Mapping[str, Piece]) -> bool:
         cells = pieces[MESH].facts["known"]["cell"] if MESH in pieces else []
