@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from suffice.door import run_command
+from suffice.foreign_commands import export, import_
 from suffice.options import Json, RunFile, Variables, tell
 from suffice.progress import Reporter
 from suffice.surrogate_commands import compare, predict, train
@@ -126,36 +127,8 @@ def simulate(
         show_facts_and_found(str(output), answer)
 
 
-@app.command("import")
-def import_(
-    context: typer.Context,
-    sources: Annotated[list[Path], typer.Argument(metavar="SOURCE...", help="files of one run, in any order")],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN")],
-    format: Annotated[str | None, typer.Option(help="lammps or liggghts; default: as the content tells")] = None,
-    interval: Annotated[float | None, typer.Option(help="between snapshots, s")] = None,
-    timestep: Annotated[float | None, typer.Option(help="of the other code, s; times are its steps times this")] = None,
-    diameter: Annotated[float | None, typer.Option(help="of the particles, m, if the source does not say")] = None,
-    double: Annotated[bool, typer.Option("--double", help="store double precision instead of single")] = False,
-    json: Json = None,
-) -> None:
-    """Read somebody else's run: LAMMPS and LIGGGHTS dumps, plain, gz or xz."""
-    from suffice.readers import import_run
-    from suffice.tables import show_facts
-
-    with context.obj.stage("import", "snapshots") as advance:
-        made = import_run(
-            list(sources),
-            output,
-            format=format,
-            interval=interval,
-            timestep=timestep,
-            diameter=diameter,
-            precision="double" if double else "single",
-            progress=advance,
-        )
-    answer = {**made._asdict(), "path": str(made.path), "times": [float(made.times[0]), float(made.times[-1])]}
-    if tell(answer, json):
-        show_facts(str(output), answer)
+app.command("import")(import_)
+app.command()(export)
 
 
 @app.command()

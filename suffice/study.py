@@ -25,24 +25,15 @@ from suffice.paper_cases import Cases, case_stages
 from suffice.paper_pictures import pictures_of
 from suffice.player import player_of
 from suffice.progress import Reporter
-from suffice.readers import import_run
 from suffice.refusal import Refusal
 from suffice.report import write_report
 from suffice.results import COMPARISON, LOG, RUN, SELECTION, case_files, gather, played, read_json
 from suffice.run import Run
 from suffice.section import Section
 from suffice.selecting import select_curves, select_json, select_run, thresholds_of
+from suffice.source import Source, reading_stage
 from suffice.speeds import Speeds, speed_stages
 from suffice.stages import Settings, Stage, scene_in, simulation_stage
-
-
-class Source(Settings):
-    """Somebody else's run, instead of a scene."""
-
-    files: list[str] = Field(min_length=1, description="files of one run, relative to the study's folder")
-    interval: float | None = Field(default=None, gt=0, description="between snapshots, s")
-    timestep: float | None = Field(default=None, gt=0, description="of the other code, s")
-    diameter: float | None = Field(default=None, gt=0, description="of the particles, m")
 
 
 class Selecting(Settings):
@@ -199,27 +190,8 @@ def _reporting(name: str, folder: Path) -> Stage:
 
 
 def _reading(study: Study, home: Path, folder: Path, reporter: Reporter) -> Stage:
-    source = study.source
-    assert source is not None  # the model's validator gave one or the other
-    files = [home / file for file in source.files]
-    for file in files:
-        if not file.is_file():
-            raise Refusal(f"source.files: {file} is not a file; paths are relative to the study's folder")
-    stamps = [(str(file.resolve()), file.stat().st_size, file.stat().st_mtime_ns) for file in files]
-
-    def make() -> str:
-        with reporter.stage("import", "snapshots") as advance:
-            made = import_run(
-                files,
-                folder / RUN,
-                interval=source.interval,
-                timestep=source.timestep,
-                diameter=source.diameter,
-                progress=advance,
-            )
-        return f"{made.n_particles} particles, {made.n_snapshots} snapshots read"
-
-    return Stage("import", [source.model_dump(), stamps], (folder / RUN,), make)
+    assert study.source is not None  # the model's validator gave one or the other
+    return reading_stage(study.source, home, folder / RUN, reporter)
 
 
 def _select(settings: Selecting, folder: Path, reporter: Reporter) -> str:

@@ -32,11 +32,12 @@ def view_paths(run: Path) -> tuple[Path, Path]:
 def write_views(run: Path, times: NDArray[np.float64], n: int, variables: Sequence[str], grid: Grid | None) -> None:
     """Write the views of the first `len(times)` snapshots of a run of n particles, each beside and then renamed.
 
-    `times` (snapshots,) in s. The view of the particles begins with the first snapshot. The view of the fluid, if there
-    is a `grid`, begins with the second: VTK takes a single step for none at all, and then expects fields without time.
+    `times` (snapshots,) in s. The view of the particles, if there are any, begins with the first snapshot. That of
+    the fluid, if there is a `grid`, begins with the second: VTK takes a single step for none at all, and then expects
+    fields without time.
     """
     particles, fluid = view_paths(run)
-    if len(times) > 0:
+    if len(times) > 0 and "position" in variables:
         with _replacing(particles) as root:
             _fill_particles(root, run.name, times, n, [v for v in variables if not QUANTITIES[v].of_fluid])
     if len(times) > 1 and grid is not None:

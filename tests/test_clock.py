@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from suffice.readers.clock import physical_times
+from suffice.readers.clock import Stamps, physical_times
 from suffice.refusal import Refusal
 
 STEPS = (0, 100, 200, 300)
@@ -9,9 +9,9 @@ STEPS = (0, 100, 200, 300)
 
 def test_a_restarted_count_of_steps_keeps_its_time():
     steps = np.array([5000, 5100, 5200])
-    assert np.allclose(physical_times(steps, timestep=1e-5).times, [0.05, 0.051, 0.052], rtol=1e-15)
+    assert np.allclose(physical_times(Stamps(3, steps), timestep=1e-5).times, [0.05, 0.051, 0.052], rtol=1e-15)
     said = np.array([0.3, 0.301, 0.302])  # the clock ran before the steps were reset
-    assert np.array_equal(physical_times(steps, said, timestep=1e-5).times, said)
+    assert np.array_equal(physical_times(Stamps(3, steps, said), timestep=1e-5).times, said)
 
 
 @pytest.mark.parametrize(
@@ -41,5 +41,13 @@ def test_a_restarted_count_of_steps_keeps_its_time():
     ids=["unknown", "negative", "NaN", "interval", "timestep", "stands still", "goes back", "a gap"],
 )
 def test_times_that_are_unknown_or_contradictory_are_refused(options, says):
+    stamps = Stamps(4, options.get("steps", np.array(STEPS)), options.get("said"), "ITEM: TIME of the source")
+    given = {name: value for name, value in options.items() if name in ("interval", "timestep")}
     with pytest.raises(Refusal, match=says):
-        physical_times(**({"steps": np.array(STEPS)} | options))
+        physical_times(stamps, **given)
+
+
+def test_a_source_without_step_numbers_needs_the_interval():
+    assert np.array_equal(physical_times(Stamps(3), interval=0.5).times, [0.0, 0.5, 1.0])
+    with pytest.raises(Refusal, match=r"--timestep 1e-05 s: the source does not number its time steps; .* --interval"):
+        physical_times(Stamps(3), timestep=1e-5)

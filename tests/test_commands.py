@@ -253,7 +253,7 @@ def test_somebody_elses_run_is_read_judged_and_described(suffice, dump):
         (lambda lines: [*lines[:10], "1 nan 0 0 0 0 0", *lines[11:]], "nan"),
         (lambda lines: [line.replace(COLUMNS, "atom x y z vx vy vz") for line in lines], "particles need id and x y z"),
         (lambda _: [""], "a.dump"),
-        (lambda _: ["not a dump"], "give the text of a LAMMPS or LIGGGHTS"),
+        (lambda _: ["not a dump"], "give a LAMMPS or LIGGGHTS"),
     ],
 )
 def test_a_dump_that_cannot_be_followed_is_refused_and_leaves_nothing(suffice, dump, here, change, says):
@@ -269,7 +269,10 @@ def test_a_dump_that_cannot_be_followed_is_refused_and_leaves_nothing(suffice, d
         (["--interval", "0"], "--interval is 0 s; it must be a positive number of seconds"),
         (["--timestep", "-1"], "--timestep is -1 s"),
         (["--interval", "0.001", "--diameter", "nan"], "--diameter is nan m; it must be a positive length in m"),
-        (["--interval", "0.001", "--format", "gadget"], "--format gadget is not known; use lammps or liggghts"),
+        (
+            ["--interval", "0.001", "--format", "gadget"],
+            "--format gadget is not known; use lammps, liggghts, vtk, openfoam, npz, hdf5",
+        ),
     ],
 )
 def test_options_of_an_import_that_cannot_be_used_are_refused(suffice, dump, here, options, says):

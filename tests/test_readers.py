@@ -1,5 +1,6 @@
 import gzip
 import lzma
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -212,7 +213,7 @@ def with_an_extra_column(path):
         (lambda path: path.mkdir(), r"folder"),
         (lambda path: path.touch(), r"empty"),
         (lambda path: path.write_bytes(b"\n\n"), r"no format suffice reads"),
-        (lambda path: path.write_bytes(b"\x89HDF\r\n\x1a\n"), r"no format suffice reads"),
+        (lambda path: path.write_bytes(b"\x89HDF\r\n\x1a\n"), r"a.dump cannot be read"),
         (
             lambda path: dump(path, [snapshot(0), snapshot(1, n=4)]),
             r"step 100: particle id 15 is missing \(1 of 5 lost",
@@ -221,6 +222,11 @@ def with_an_extra_column(path):
         (with_one_atom_twice, r"step 100: particle id 14 stands there twice"),
         (cut_in_an_atom, r"step 300 at line 43 is cut: it has 4 whole lines of 5 atoms; remove that snapshot"),
         (without_last_newline, r"step 300 at line 43 is cut"),
+        (
+            lambda path: dump(path, [snapshot(0), snapshot(1).replace("ATOMS\n5", "ATOMS\n500000000000")]),
+            r"step 100 at line 15 is cut: it has 5 whole lines of 500000000000 atoms",
+        ),
+        (lambda path: path.write_bytes(snapshot(0).encode() + b"0" * 5_000_000), r"line 15 has over 65536 bytes"),
         (cut_in_the_header, r"ends inside the header of the snapshot at line 15; remove"),
         (cut_and_continued, r"step 0 at line 1 is cut: it has 3 whole lines of 5"),
         (cut_archive, r"cannot be read to its end"),
@@ -260,7 +266,7 @@ def test_a_dump_that_cannot_be_followed_is_refused_and_leaves_nothing(tmp_path, 
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ({"format": "vtu"}, r"--format vtu is not known; use lammps or liggghts"),
+        ({"format": "vtu"}, r"--format vtu is not known; use lammps, liggghts, vtk, openfoam, npz, hdf5"),
         ({"diameter": 0.0}, r"--diameter is 0 m; it must be a positive length in m"),
         (
             {"diameter": 0.003},
@@ -300,3 +306,15 @@ def test_a_run_of_lammps_comes_in_whole_to_its_six_digits(reference, tmp_path):
         assert (run.n_snapshots, run.n_particles, run.interval) == (301, 576, 0.001)
         for column, name in enumerate(run.variables, start=2):
             assert np.array_equal(run.variable(name)[0:576], rows[:, :, column].T)
+
+
+def test_a_dump_in_which_a_snapshot_is_all_of_the_rest_takes_no_more_memory_than_others(tmp_path):
+    source = dump(tmp_path / "a.dump", [snapshot(0).replace("ATOMS\n5", "ATOMS\n9999999")] + [snapshot(1)] * 20_000)
+    size = source.stat().st_size
+    tracemalloc.start()
+    with pytest.raises(Refusal, match="it has 5 whole lines of 9999999 atoms"):
+        import_run(source, tmp_path / "run.h5", interval=0.001)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert size > 9e6
+    assert peak < 6e6

@@ -194,7 +194,7 @@ def test_what_the_study_decides_is_what_select_and_compare_decide(folder, suffic
         ('scene = "scene.toml"\n[compare]\nmax_error = inf\n', "compare.max_error = inf: Input should be a finite"),
         ('scene = "scene.toml"\n[select]\nintervals = [nan]\n', "select.intervals.0 = nan: Input should be a finite"),
         ("[source]\nfiles = []\n", r"source.files = \[\]: List should have at least 1 item"),
-        ('[source]\nfiles = ["no.dump"]\n', "source.files: .*no.dump is not a file; paths are relative"),
+        ('[source]\nfiles = ["no.dump"]\n', "source.files: .*no.dump is not a file or folder; paths are relative"),
         ('scene = "no_scene.toml"\n', "no such file or not a text .* built-in scenes: .*drum, .*mini_mill"),
         ('scene = "bad.toml"\n', "scene bad.toml: time: Field required"),
         (

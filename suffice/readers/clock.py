@@ -10,6 +10,15 @@ from suffice.refusal import Refusal
 AGREEMENT = 1e-3  # of an interval: times written with six digits differ by half of it, wrong time steps by far more
 
 
+class Stamps(NamedTuple):
+    """What a source says of the time of its n snapshots; None where it does not say it."""
+
+    n: int
+    steps: NDArray[np.int64] | None = None  # (n,) time step numbers
+    times: NDArray[np.float64] | None = None  # (n,) s
+    origin: str = "the source"  # where the times stand
+
+
 class Clock(NamedTuple):
     """Times of the snapshots, (snapshots,) in s, and where they come from."""
 
@@ -17,29 +26,32 @@ class Clock(NamedTuple):
     origin: str
 
 
-def physical_times(
-    steps: NDArray[np.int64],
-    said: NDArray[np.float64] | None = None,
-    interval: float | None = None,
-    timestep: float | None = None,
-) -> Clock:
+def physical_times(stamps: Stamps, interval: float | None = None, timestep: float | None = None) -> Clock:
     """Return the time of every snapshot: as the source says it, or step × `timestep`, or 0, 1, 2 … × `interval` (s).
 
     Where several are known they must agree on the time since the first snapshot. Raises `Refusal` when none is known,
     when two contradict each other, or when time does not increase.
     """
+    steps, said = stamps.steps, stamps.times
     _check_positive("--interval", interval)
     _check_positive("--timestep", timestep)
-    _check_increasing("time step", steps, "")
     known: list[Clock] = []
+    if steps is not None:
+        _check_increasing("time step", steps, "")
     if said is not None:
         _check_increasing("time", said, " s")
-        known.append(Clock(said, "ITEM: TIME of the source"))
+        known.append(Clock(said, stamps.origin))
     if timestep is not None:
+        if steps is None:
+            raise Refusal(
+                f"--timestep {timestep:g} s: the source does not number its time steps; give the time between two "
+                "snapshots with --interval SECONDS"
+            )
         known.append(Clock(steps * np.float64(timestep), f"time steps of the source times --timestep {timestep:g} s"))
     if interval is not None:
-        _check_even(steps, interval)
-        known.append(Clock(np.arange(len(steps)) * np.float64(interval), f"--interval {interval:g} s"))
+        if steps is not None:
+            _check_even(steps, interval)
+        known.append(Clock(np.arange(stamps.n) * np.float64(interval), f"--interval {interval:g} s"))
     if not known:
         raise Refusal(
             "the source does not say its physical times; give the solver's time step with --timestep SECONDS, "
@@ -56,6 +68,9 @@ def _check_positive(option: str, value: float | None) -> None:
 
 
 def _check_increasing(what: str, values: NDArray[np.int64] | NDArray[np.float64], unit: str) -> None:
+    if not np.isfinite(values).all():
+        k = int(np.argmin(np.isfinite(values)))
+        raise Refusal(f"{what} of snapshot {k} is {values[k]}{unit}, not a finite number; correct it")
     if (back := np.flatnonzero(np.diff(values) <= 0)).size:
         k = int(back[0])
         raise Refusal(

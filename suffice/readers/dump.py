@@ -1,6 +1,6 @@
 """Dumps of LAMMPS and LIGGGHTS: the text of `dump custom`, atoms in any order, columns in any order."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from suffice.readers.clock import Stamps
 from suffice.readers.columns import read_columns
 from suffice.readers.header import CUT_REMEDY, Header, read_header
 from suffice.readers.text import Text, open_text
@@ -29,6 +30,13 @@ class Survey(NamedTuple):
     headers: list[Header]
 
 
+def read_dump(sources: Sequence[Path], mapped: Mapping[str, str]) -> "Dump":
+    """Return the run in dump files. Raises `Refusal` as `Dump` does, and for a mapping: columns have fixed names."""
+    if mapped:
+        raise Refusal(f"--map {next(iter(mapped))}: the columns of a dump have fixed names; leave --map out")
+    return Dump(sources)
+
+
 class Dump:
     """A run in one or more dump files, surveyed once and then read snapshot by snapshot.
 
@@ -45,15 +53,20 @@ class Dump:
         self.motions = {name: three for name, three in MOTIONS.items() if set(three) <= set(self.columns)}
 
     @cached_property
+    def stamps(self) -> Stamps:
+        """Time step numbers of the snapshots, and their times if each has its `ITEM: TIME`."""
+        said = [header.time for header in self.headers if header.time is not None]
+        times = np.array(said) if len(said) == len(self.headers) else None
+        return Stamps(len(self.steps), self.steps, times, "ITEM: TIME of the source")
+
+    @cached_property
     def steps(self) -> NDArray[np.int64]:
         """Time step number of every snapshot, (snapshots,)."""
         return np.array([header.step for header in self.headers], np.int64)
 
-    @cached_property
-    def times(self) -> NDArray[np.float64] | None:
-        """Physical time of every snapshot in s, (snapshots,), if each has its `ITEM: TIME`."""
-        said = [header.time for header in self.headers if header.time is not None]
-        return np.array(said) if len(said) == len(self.headers) else None
+    @property
+    def grid(self) -> None:
+        """A dump holds no fluid."""
 
     @cached_property
     def used(self) -> tuple[str, ...]:
@@ -83,7 +96,7 @@ class Dump:
             notes.append("particles jump where they cross a periodic face; dump xu yu zu to avoid it")
         return notes
 
-    def frames(self) -> Iterator[Frame]:
+    def frames(self) -> Generator[Frame, None, None]:
         """Read the snapshots in the order of time, holding one in memory.
 
         Raises `Refusal` naming particle, column and step of a number that is none, or not finite.
@@ -97,7 +110,9 @@ class Dump:
 
     def _frame(self, header: Header, text: Text) -> Frame:
         where = f"{text.path} step {header.step}"
-        lines = _atoms(text, header)
+        lines = text.block(header.n)
+        if lines.count(b"\n") < header.n:
+            raise Refusal(f"{text.path} changed while it was read; import it when it is complete")
         table = read_columns(lines, header.columns, self.used, where)
         of = dict(zip(self.used, table.T, strict=True))
         position = table[:, 1:4] if self.position[0] in ("x", "xu") else self._unscaled(table[:, 1:4], header)
@@ -152,21 +167,23 @@ def survey(path: Path) -> Survey:
     headers = []
     with open_text(path) as text:
         while (header := read_header(text)) is not None:
-            _atoms(text, header)
+            _check_atoms(text, header)
             headers.append(header)
     if not headers:
         raise Refusal(f"{path} is empty; name a dump that holds snapshots")
     return Survey(path, headers)
 
 
-def _atoms(text: Text, header: Header) -> bytes:
-    """Return the lines of the atoms. Raises `Refusal` when the file ends or another snapshot begins before the last."""
-    lines = text.block(header.n)
-    whole = lines.partition(b"ITEM:")[0]
-    n = whole.count(b"\n")
+def _check_atoms(text: Text, header: Header) -> None:
+    """Read past the atoms. Raises `Refusal` when the file ends or another snapshot begins before the last of them."""
+    n = 0
+    for piece in text.pieces(header.n):
+        whole, another, _ = piece.partition(b"ITEM:")
+        n += whole.count(b"\n")
+        if another:
+            break
     if n < header.n:
         raise Refusal(
             f"{text.path}: the snapshot of step {header.step} at line {header.line} is cut: it has {n} whole lines of "
             f"{header.n} atoms; {CUT_REMEDY}"
         )
-    return lines

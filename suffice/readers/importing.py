@@ -1,22 +1,43 @@
 """Somebody else's run, brought into `run.h5`."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from importlib.metadata import version
+from itertools import chain
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from suffice import layout
 from suffice.lock import only_writer
+from suffice.readers.arrays import read_hdf5, read_npz
 from suffice.readers.clock import Clock, physical_times
-from suffice.readers.dump import Dump
+from suffice.readers.dump import read_dump
+from suffice.readers.hdf5 import MAGIC
+from suffice.readers.jumps import Jumps
+from suffice.readers.names import parse_map
+from suffice.readers.openfoam import is_case, read_openfoam
+from suffice.readers.series import type_of
 from suffice.readers.text import open_text
 from suffice.readers.trajectory import Frame, Trajectory, followed
+from suffice.readers.vtk_files import read_vtk
+from suffice.readers.vtkhdf import is_vtkhdf
 from suffice.refusal import Refusal
 from suffice.store import RunWriter, check_place
 
-READERS: Mapping[str, Callable[[Sequence[Path]], Trajectory]] = {"lammps": Dump, "liggghts": Dump}
+ROOM = 500  # bytes for what is found while the snapshots are read
+
+Reader = Callable[[Sequence[Path], Mapping[str, str]], Trajectory]
+READERS: Mapping[str, Reader] = {
+    "lammps": read_dump,
+    "liggghts": read_dump,
+    "vtk": read_vtk,
+    "openfoam": read_openfoam,
+    "npz": read_npz,
+    "hdf5": read_hdf5,
+}
 
 
 class Imported(NamedTuple):
@@ -39,6 +60,7 @@ def import_run(
     interval: float | None = None,
     timestep: float | None = None,
     diameter: float | None = None,
+    maps: Sequence[str] = (),
     precision: Literal["single", "double"] = "single",
     progress: Callable[[int, int], None] | None = None,
 ) -> Imported:
@@ -46,15 +68,19 @@ def import_run(
 
     The time of a snapshot is the source's own, its step × `timestep`, or 0, 1, 2 … × `interval`, in s. `diameter` in m
     is that of the particles where the source does not say it; a radius nobody says is NaN. `format` is a name of
-    `READERS`, otherwise the content tells. `progress` is called with (snapshots done, all). Memory is that of one
-    snapshot. Raises `Refusal` with one message, and then leaves no output behind.
+    `READERS`, otherwise the content tells. `maps` say what the source calls things, such as `velocity=U.air`, or leave
+    the fluid out, `fluid=none`. `progress` is called with (snapshots done, all). Memory is that of one snapshot.
+    Raises `Refusal` with one message, and then leaves no output behind.
     """
     paths = [Path(source) for source in ([sources] if isinstance(sources, str | Path) else sources)]
     name = format or detect_format(paths)
     if name not in READERS:
-        raise Refusal(f"--format {name} is not known; use {' or '.join(READERS)}")
-    trajectory = READERS[name](paths)
-    clock = physical_times(trajectory.steps, trajectory.times, interval, timestep)
+        raise Refusal(f"--format {name} is not known; use {', '.join(READERS)}")
+    for path in paths:
+        if not path.exists():
+            raise Refusal(f"source {path} is missing; check its name")
+    trajectory = READERS[name](paths, parse_map(maps))
+    clock = physical_times(trajectory.stamps, interval, timestep)
     notes = (*trajectory.notes, f"times from {clock.origin}")
     provenance = {
         "source": "\n".join(map(str, paths)),
@@ -65,21 +91,32 @@ def import_run(
     }
     check_place(Path(output))
     with only_writer(Path(output)):
-        n = _write(trajectory, clock, Path(output), diameter, precision, provenance, progress or _silent)
+        n, found = _write(trajectory, clock, Path(output), diameter, precision, provenance, progress or _silent)
     variables, ignored = tuple(trajectory.variables), tuple(trajectory.ignored)
-    return Imported(Path(output), len(clock.times), n, clock.times, variables, ignored, notes)
+    return Imported(Path(output), len(clock.times), n, clock.times, variables, ignored, (*notes, *found))
 
 
 def detect_format(paths: Sequence[Path]) -> str:
     """Return the name in `READERS` of what the first file holds. Raises `Refusal` when it is none of them."""
     if not paths:
         raise Refusal("no source is named; give the files of one run")
-    with open_text(paths[0]) as text:
+    first = paths[0]
+    if is_case(first):
+        return "openfoam"
+    with open_text(first) as text:
         start = text.block(1)[:80]
     if start.startswith(b"ITEM:"):
         return "lammps"
+    if start.startswith(MAGIC[:4]):  # a line break is part of it
+        return "vtk" if is_vtkhdf(first) else "hdf5"
+    if start.startswith(b"PK"):
+        return "npz"
+    if type_of(first) is not None or first.suffix == ".series":
+        return "vtk"
     problem = f"begins with {start[:40]!r}, which is no format suffice reads" if start else "is empty"
-    raise Refusal(f"source {paths[0]} {problem}; give the text of a LAMMPS or LIGGGHTS `dump custom`")
+    raise Refusal(
+        f"source {first} {problem}; give a LAMMPS or LIGGGHTS `dump custom`, VTK, a case of OpenFOAM, .npz or HDF5"
+    )
 
 
 def _write(
@@ -90,28 +127,33 @@ def _write(
     precision: Literal["single", "double"],
     provenance: Mapping[str, str],
     progress: Callable[[int, int], None],
-) -> int:
-    """Write all snapshots and return how many particles each has."""
-    frames = followed(trajectory.frames())
-    first = next(frames)
-    n, n_snapshots = len(first.ids), len(clock.times)
-    with RunWriter(
-        output,
-        ids=first.ids,
-        radius=_radius(first, diameter),
-        species=np.ones(n, np.int64) if first.species is None else first.species,
-        n_snapshots=n_snapshots,
-        variables=tuple(first.values),
-        provenance=provenance,
-        precision=precision,
-        beside=True,
-    ) as run:
-        run.append(clock.times[0], first.values)
-        for done, frame in enumerate(frames, start=1):
-            progress(done, n_snapshots)
-            run.append(clock.times[done], frame.values)
+) -> tuple[int, list[str]]:
+    """Write all snapshots; return how many particles each has, and what was found on the way."""
+    jumps, notes = Jumps(), provenance["notes"]
+    with closing(trajectory.frames()) as read:  # also where the writing fails, nothing of the source stays open
+        frames = followed(read)
+        first = next(frames)
+        n, n_snapshots = len(first.ids), len(clock.times)
+        with RunWriter(
+            output,
+            ids=first.ids,
+            radius=_radius(first, diameter),
+            species=np.ones(n, np.int64) if first.species is None else first.species,
+            n_snapshots=n_snapshots,
+            variables=tuple(first.values),
+            grid=trajectory.grid,
+            provenance={**provenance, "notes": notes.ljust(len(notes) + ROOM)},
+            precision=precision,
+            beside=True,
+        ) as run:
+            for done, frame in enumerate(chain([first], frames)):
+                if done:
+                    progress(done, n_snapshots)
+                jumps.see(frame)
+                run.append(clock.times[done], frame.values)
+            run.put(f"{layout.PROVENANCE}/notes", np.bytes_("\n".join([notes, *jumps.notes]).encode()))
     progress(n_snapshots, n_snapshots)
-    return n
+    return n, jumps.notes
 
 
 def _silent(_done: int, _all: int) -> None:

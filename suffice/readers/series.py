@@ -1,0 +1,105 @@
+"""Which VTK files a run is made of, in the order of time: named one by one, or by a .pvd or .series file."""
+
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+from suffice.refusal import Refusal
+
+HEAD = 1 << 16  # bytes in which the first element of an XML file must stand
+LARGEST_LIST = 64 << 20  # bytes of a list of files
+ROOT = re.compile(rb"<VTKFile\b[^>]*?\btype\s*=\s*[\"'](\w+)[\"']")
+ASIDE = re.compile(rb"<!--.*?-->|<\?.*?\?>", re.DOTALL)  # comments and instructions
+LEGACY = b"# vtk DataFile"
+NUMBER = re.compile(r"(\d+)\D*$")
+
+
+class Entry(NamedTuple):
+    """One file of one snapshot."""
+
+    path: Path
+    type: str  # of vtk_program.READERS
+    time: float | None  # s
+    step: int | None  # the number in its name
+
+
+def type_of(path: Path) -> str | None:
+    """Return `legacy`, the type an XML file of VTK declares, or None for anything else.
+
+    Raises `Refusal` for an XML file that declares entities: nothing a program writes needs them.
+    """
+    with path.open("rb") as file:
+        head = file.read(HEAD)
+    if head.startswith(LEGACY):
+        return "legacy"
+    text = ASIDE.sub(b"", head)
+    root = ROOT.search(text)
+    if root is None:
+        return None
+    if text[: root.start()].strip(b"\xef\xbb\xbf \t\r\n"):
+        raise Refusal(f"{path} declares a document type, which may hold entities; write it again without")
+    return root.group(1).decode()
+
+
+def entries_of(source: Path) -> list[Entry]:
+    """Return the files that one source stands for: those a list names, or itself.
+
+    Raises `Refusal` where one is missing, lies outside the folder of the list, or is no file of VTK.
+    """
+    kind = type_of(source)
+    if kind == "Collection":
+        return _named(source, _read_pvd(source))
+    if kind is None and source.suffix == ".series":
+        return _named(source, _read_series(source))
+    return [_entry(source, None)]
+
+
+def _entry(path: Path, time: float | None) -> Entry:
+    if not path.is_file():
+        raise Refusal(f"source {path} is missing or not a file; check its name")
+    kind = type_of(path)
+    if kind not in ("legacy", "PolyData", "UnstructuredGrid", "ImageData"):
+        what = f"a VTK file of type {kind}" if kind else "no file of VTK"
+        raise Refusal(
+            f"source {path} is {what}; give .vtk, .vtu, .vtp or .vti files, or a .pvd or .series that lists them"
+        )
+    number = NUMBER.search(path.stem)
+    return Entry(path, kind, time, int(number.group(1)[-18:]) if number else None)
+
+
+def _named(source: Path, named: Sequence[tuple[str, float]]) -> list[Entry]:
+    if not named:
+        raise Refusal(f"source {source} lists no files; write it again")
+    entries = []
+    for file, time in named:
+        if Path(file).is_absolute() or ".." in Path(file).parts:
+            raise Refusal(f"source {source} lists {file[:80]!r}, outside its folder; move the files beside it")
+        entries.append(_entry(source.parent / file, time))
+    return entries
+
+
+def _text(source: Path) -> bytes:
+    if source.stat().st_size > LARGEST_LIST:
+        raise Refusal(f"source {source} has {source.stat().st_size} bytes, too many for a list of files")
+    return source.read_bytes()
+
+
+def _read_pvd(source: Path) -> list[tuple[str, float]]:
+    try:
+        sets = [element.attrib for element in ElementTree.fromstring(_text(source)).iter("DataSet")]
+        named = [(element["file"], float(element["timestep"])) for element in sets]
+    except (ElementTree.ParseError, KeyError, ValueError) as error:
+        raise Refusal(f"source {source} is no whole list of files with their times ({error}); write it again") from None
+    if len({time for _, time in named}) < len(named):
+        raise Refusal(f"source {source} has several files at one time; give the list of one part of the run")
+    return named
+
+
+def _read_series(source: Path) -> list[tuple[str, float]]:
+    try:
+        return [(str(file["name"]), float(file["time"])) for file in json.loads(_text(source))["files"]]
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise Refusal(f"source {source} is no whole list of files with their times ({error}); write it again") from None
