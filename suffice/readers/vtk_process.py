@@ -72,7 +72,7 @@ class VtkProcess:
             raise Refusal(f"{path} stops VTK's reader ({self._end()}): it is damaged; {REMEDY}")
         answer = json.loads(line)
         if "absent" in answer:
-            raise Refusal(f"{path}: to read VTK and OpenFOAM files, `pip install 'suffice[import]'`")
+            raise Refusal(f"{path}: to read VTK and OpenFOAM files, `pip install vtk`")
         if "broken" in answer:
             raise Refusal(f"{path} cannot be read to its end ({answer['broken']}); {REMEDY}")
         return [self._piece(path, head) for head in answer["pieces"]], answer["times"]
