@@ -8,10 +8,11 @@ from contextlib import contextmanager
 
 Advance = Callable[[int, int], None]  # (done, all)
 SECONDS_BETWEEN_LINES = 1.0
+SECONDS_BETWEEN_NOTES = 60.0  # in a file, for who looks into it now and then
 
 
 class Reporter:
-    """Shows stages on standard error: as bars, or as lines of JSON for other programs."""
+    """Shows stages on standard error: as bars, as a line a minute in a file, or as lines of JSON for other programs."""
 
     def __init__(self, as_json: bool = False) -> None:
         self.as_json = as_json
@@ -19,21 +20,20 @@ class Reporter:
     @contextmanager
     def stage(self, name: str, unit: str, work: float = 1.0) -> Iterator[Advance]:
         """Show a stage while the block runs; `work` is what one step of it does, counted in `unit`."""
-        with self._lines(name, unit, work) if self.as_json else self._bar(name, unit, work) as advance:
+        show = self._lines if self.as_json else self._bar if sys.stderr.isatty() else self._notes
+        with show(name, unit, work) as advance:
             yield advance
 
     @contextmanager
     def _lines(self, name: str, unit: str, work: float) -> Iterator[Advance]:
-        began, first, said = time.monotonic(), -1, 0.0
+        pace, said = _Pace(), 0.0
 
         def advance(done: int, total: int) -> None:
-            nonlocal first, said
-            now = time.monotonic()
-            first = done if first < 0 else first  # a resumed stage does not begin at zero
-            if done < total and now - said < SECONDS_BETWEEN_LINES:
+            nonlocal said
+            elapsed, rate = pace.at(done)
+            if done < total and pace.now - said < SECONDS_BETWEEN_LINES:
                 return
-            said, elapsed = now, now - began
-            rate = (done - first) / elapsed if elapsed > 0 and done > first else None
+            said = pace.now
             line = {
                 "stage": name,
                 "done": done,
@@ -44,6 +44,22 @@ class Reporter:
                 "seconds_left": rate and round((total - done) / rate, 1),
             }
             print(json.dumps(line), file=sys.stderr, flush=True)
+
+        yield advance
+
+    @contextmanager
+    def _notes(self, name: str, unit: str, work: float) -> Iterator[Advance]:
+        pace = _Pace()
+        said = pace.now
+
+        def advance(done: int, total: int) -> None:
+            nonlocal said
+            _, rate = pace.at(done)
+            if rate is None or pace.now - said < SECONDS_BETWEEN_NOTES:
+                return
+            said = pace.now
+            left = f"{(total - done) / rate / 60.0:.0f} min left"
+            print(f"{name}: {done} of {total}, {rate * work:.3g} {unit}/s, {left}", file=sys.stderr, flush=True)
 
         yield advance
 
@@ -68,3 +84,18 @@ class Reporter:
                 bars.update(task, completed=done, total=total, rate=rate)
 
             yield advance
+
+
+class _Pace:
+    """How fast a stage has been since it began, or went on: a resumed one does not begin at zero."""
+
+    def __init__(self) -> None:
+        self.began = self.now = time.monotonic()
+        self.first = -1
+
+    def at(self, done: int) -> tuple[float, float | None]:
+        """Return seconds since the beginning, and steps a second where there were any."""
+        self.now = time.monotonic()
+        self.first = done if self.first < 0 else self.first
+        elapsed = self.now - self.began
+        return elapsed, (done - self.first) / elapsed if elapsed > 0 and done > self.first else None

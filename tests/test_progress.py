@@ -60,7 +60,8 @@ def test_no_more_than_a_line_a_second_but_the_end_is_always_said(clock, capsys):
     assert said[-1]["done"] == 100
 
 
-def test_a_bar_ends_with_its_count_on_standard_error(capsys):
+def test_a_bar_ends_with_its_count_on_standard_error(capsys, monkeypatch):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     with Reporter().stage("import", "snapshots") as advance:
         advance(7, 7)
     said = capsys.readouterr()
@@ -77,3 +78,18 @@ def test_every_line_of_a_run_is_json_and_its_answer_is_alone_on_standard_output(
     assert said[-1]["stage"] == "simulate"
     assert said[-1]["rate"] > 0.0
     assert json.loads(answer.out)["n_snapshots"] == 21
+
+
+def test_a_file_is_told_once_a_minute_and_a_short_stage_not_at_all(clock, capsys):
+    with Reporter().stage("simulate", "particle-steps", work=500.0) as advance:
+        for done in range(11):
+            advance(done, 10)
+            clock(31.0)
+    said = capsys.readouterr().err.splitlines()
+    assert said[0] == "simulate: 2 of 10, 16.1 particle-steps/s, 4 min left"
+    assert len(said) == 5
+    with Reporter().stage("select", "variables") as advance:
+        advance(1, 2)
+        clock(5.0)
+        advance(2, 2)
+    assert capsys.readouterr().err == ""
