@@ -3,12 +3,15 @@
 Half of the kills come at a random moment of the work, half before a random change of a file (opened for writing,
 renamed, removed). After each one: what stands is whole, all that was reported as written can be read, and the same
 command (simulate, train: with --resume) ends with the same bits as one that was let alone. Then one Ctrl-C each at
-random moments: exit code 130, and the same again. The seed is told, so that a failure can be made again.
+random moments: exit code 130, and the same again. Then a disk that is full: files may not grow beyond a random size,
+while a finished output stands there; one message, and what stood is whole, of import and decompose the very same. The
+seed is told, so that a failure can be made again.
 """
 
 import argparse
 import hashlib
 import json
+import os
 import shutil
 import signal
 import sys
@@ -68,6 +71,9 @@ variables = ["position.z"]
 intervals = [0.001]
 surrogates = ["spline", "rbf"]
 """
+
+
+KEEPING = ("import", "decompose")  # what stood at the output stays until the new one is whole
 
 
 class Case(NamedTuple):
@@ -231,10 +237,13 @@ def often() -> None:
     suffice.store.SECONDS_BETWEEN_VIEWS = 0.0
 
 
-def started(case: Case, folder: Path, resume: bool = False, dies_at: int | None = None) -> Child:
-    """Start a command in its folder, in the form that goes on where that is asked."""
+def started(
+    case: Case, folder: Path, resume: bool = False, dies_at: int | None = None, size: int | None = None
+) -> Child:
+    """Start a command in its folder, in the form that goes on where that is asked, with files of `size` at most."""
     words = [*case.words, *(["--resume"] if resume and case.resumes and (folder / case.resumes).exists() else [])]
-    return Child(words, folder, dies_at=dies_at, prepare=often)
+    limits = None if size is None else {"file": size}
+    return Child(words, folder, dies_at=dies_at, prepare=often, limits=limits)
 
 
 class Harness:
@@ -276,13 +285,15 @@ class Harness:
         """Disturb a command so often, each time from the start, and look at what is left; return what happened."""
         rng = np.random.default_rng([self.seed, list(CASES).index(name), how])
         case, alone = self.whole(CASES[name])
-        hit = stood = 0
+        hit = stood = unheard = 0
         for trial in range(kills):
             folder = self.folder()
             told = self._disturb(case, folder, rng, alone, how, at_change=trial % 2 == 1)
             caught = told.code in (-signal.SIGKILL, INTERRUPTED)
             assert caught or told.code == 0, f"{name}: exit code {told.code}: {told.said[-2000:]}"
-            assert "Traceback" not in told.said, told.said
+            lost = told.code == 0 and "Exception ignored" in told.said and "KeyboardInterrupt" in told.said
+            assert lost or "Traceback" not in told.said, told.said
+            unheard += lost  # Python drops what is raised in a callback of its own: the command goes on to its end
             case.look(folder, case, reported(told.said))
             hit, stood = hit + caught, stood + (folder / (case.resumes or "out")).exists()
             again = self.ended(case, folder, resume=True)
@@ -291,7 +302,30 @@ class Harness:
             left = [p.name for p in folder.rglob("*") if p.name.endswith((".part", ".checkpoint"))]
             assert not left, f"{name}: {left} are left"
             shutil.rmtree(folder)
-        return {"tried": kills, "hit": hit, "resumed": stood}
+        return {"tried": kills, "hit": hit, "resumed": stood, "unheard": unheard}
+
+    def filled(self, name: str, times: int) -> dict[str, int]:
+        """Give a command a disk that is full, over a finished output; return what happened."""
+        rng = np.random.default_rng([self.seed, list(CASES).index(name)])
+        case, _ = self.whole(CASES[name])
+        refused = 0
+        for _ in range(times):
+            folder = self.folder()
+            self.ended(case, folder)
+            most = max(path.stat().st_size for path in folder.rglob("*") if path.name not in os.listdir(self.inputs))
+            size = int(np.exp(rng.uniform(np.log(500.0), np.log(1.1 * most))))
+            told = started(case, folder, size=size).wait()
+            assert told.code in (0, 1, 2), f"{name}: files of {size} bytes: {told.code}: {told.said[-2000:]}"
+            assert "Traceback" not in told.said, f"{name}: files of {size} bytes: {told.said[-2000:]}"
+            case.look(folder, case, 0)
+            if name in KEEPING:
+                assert case.content(folder) == case.expected, f"{name}: the output that stood there is lost"
+            again = self.ended(case, folder)
+            assert again.code == 0, f"{name}: with room again: {again.said[-2000:]}"
+            assert case.content(folder) == case.expected, f"{name}: it does not end as if let alone"
+            refused += told.code > 0
+            shutil.rmtree(folder)
+        return {"tried": times, "hit": refused}
 
     def _disturb(
         self,
@@ -312,7 +346,7 @@ def main() -> None:
     """Disturb every command, and say how often."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=100, help="of each command")
-    parser.add_argument("--interrupts", type=int, default=10, help="of each command")
+    parser.add_argument("--interrupts", type=int, default=10, help="of each command, and full disks")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", choices=list(CASES), action="append")
     wanted = parser.parse_args()
@@ -322,7 +356,9 @@ def main() -> None:
         for name in wanted.only or CASES:
             for how, times in ((signal.SIGKILL, wanted.kills), (signal.SIGINT, wanted.interrupts)):
                 told = harness.disturbed(name, times, how)
-                print(json.dumps({"command": name, "signal": how.name, "seed": wanted.seed, **told}), flush=True)
+                print(json.dumps({"command": name, "fault": how.name, "seed": wanted.seed, **told}), flush=True)
+            told = harness.filled(name, wanted.interrupts)
+            print(json.dumps({"command": name, "fault": "full disk", "seed": wanted.seed, **told}), flush=True)
 
 
 if __name__ == "__main__":

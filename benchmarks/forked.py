@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 CHANGES = ("os.rename", "os.remove", "os.truncate", "os.mkdir", "os.rmdir", "os.link", "os.symlink")
 LIMITS = {"memory": resource.RLIMIT_AS, "file": resource.RLIMIT_FSIZE}
+SECONDS_BETWEEN_SIGNALS = 5.0
 BROKEN = 70  # exit code of a child in which an exception went through the door
 
 
@@ -129,14 +130,18 @@ class Child:
 
         sys.addaudithook(hook)
 
-    def wait(self, most: float = 120.0) -> Outcome:
-        """Wait until it ends; after `most` seconds it is killed."""
+    def wait(self, most: float = 120.0, again: signal.Signals | None = None) -> Outcome:
+        """Wait until it ends; where asked it gets a signal every five seconds; after `most` seconds it is killed."""
+        told = time.monotonic()
         while True:
             pid, status, used = os.wait4(self.pid, os.WNOHANG)
             if pid:
                 break
             if time.monotonic() - self.began > most:
                 os.kill(self.pid, signal.SIGKILL)
+            if again is not None and time.monotonic() - told > SECONDS_BETWEEN_SIGNALS:
+                told = time.monotonic()
+                os.kill(self.pid, again)
             time.sleep(0.002)
         seconds = time.monotonic() - self.began
         said = self._said.read_text(errors="replace") if self._said.exists() else ""
@@ -147,13 +152,13 @@ class Child:
         return Outcome(code, said, 1024 * used.ru_maxrss, seconds, changes, tuple(outside))
 
     def kill_after(self, seconds: float, how: signal.Signals = signal.SIGKILL) -> Outcome:
-        """Send a signal after some seconds, if it still runs then, and wait for its end."""
+        """Send a signal after some seconds, if it still runs then, and again, as an impatient user does."""
         while time.monotonic() - self.began < seconds:
             if os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT):
                 break
             time.sleep(0.001)
         os.kill(self.pid, how)
-        return self.wait()
+        return self.wait(again=how)
 
 
 def _address_space() -> int:

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from faults import write_dump
 from forked import Child, Outcome, import_all
-from mutants import Rng, mutate_hdf5, mutate_model, mutate_toml
+from mutants import Rng, mutate_dump, mutate_hdf5, mutate_model, mutate_toml
 
 MEMORY, MOST_MEMORY = 4 << 30, 1 << 30  # bytes above the parent's: address space, and what may be resident
 PATIENCE = 20.0  # s, then it is interrupted: a valid file may ask for a long run
@@ -93,7 +93,7 @@ KINDS = {
         ],
     ),
     "study": Kind("in/study.toml", mutate_toml, [["study", "in/study.toml", "-o", "out"]]),
-    "dump": Kind("in/other.dump", mutate_toml, [["import", "in/other.dump", "--timestep", "1e-5", "-o", "out/run.h5"]]),
+    "dump": Kind("in/other.dump", mutate_dump, [["import", "in/other.dump", "--timestep", "1e-5", "-o", "out/run.h5"]]),
     "run": Kind(
         "in/run.h5",
         mutate_hdf5,

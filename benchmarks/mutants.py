@@ -1,6 +1,9 @@
 """Broken and hostile files, made from good ones by a seeded generator: scenes, studies, dumps, runs, bases, models."""
 
+import gzip
 import json
+import lzma
+import re
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -16,6 +19,10 @@ WORDS = (
     "2", "true", "[]", "{}", '""', '"../../outside"', '"/etc/passwd"', "[1.0, 2.0]", "[" * 3000,
     "[" * 3000 + "]" * 3000,
     "'''", "\\u0000", "\x00", "\x1b[2J", "\ud800", "é" * 200, "=", "#", "[[walls]]", "1979-05-27T07:32:00Z",
+)  # fmt: skip
+NUMBERS = (
+    "nan", "inf", "-inf", "0", "-1", "1e300", "-1e300", "1e-300", "1000000000", "99999999999999999999", "1e9", "1e-9",
+    "0.5", "2", "1e-3", "1e3", "100", "true", "[]", '""', "0.0", "1.0", "1e20", "9223372036854775807",
 )  # fmt: skip
 VALUES: tuple[Any, ...] = (
     None, True, 0, -1, 1, 2**62, 10**30, 1e300, -1e300, 1e-300, float("nan"), float("inf"), "", "../../outside",
@@ -72,10 +79,29 @@ def mutate_file(path: Path, change: Callable[[bytes], bytes]) -> None:
     path.write_bytes(change(path.read_bytes()))
 
 
+def _other_number(rng: Rng, text: bytes) -> bytes:
+    """Replace one number of a TOML text by another, so that it stays TOML."""
+    found = one_of(rng, list(re.finditer(rb"(?<![\w.])-?\d[\d.e-]*(?![\w.])", text)))
+    return text[: found.start()] + one_of(rng, NUMBERS).encode() + text[found.end() :]
+
+
 def mutate_toml(rng: Rng, path: Path) -> None:
-    """Change a TOML file at one to three places."""
+    """Change a TOML file at one to three places, or one or two of its numbers."""
+    if rng.integers(2):
+        for _ in range(int(rng.integers(1, 3))):
+            mutate_file(path, lambda text: _other_number(rng, text))
+        return
     for _ in range(int(rng.integers(1, 4))):
         mutate_file(path, lambda text: mutated_text(rng, text) or b"\n")
+
+
+def mutate_dump(rng: Rng, path: Path) -> None:
+    """Change a dump at one place, or pack it and break the archive."""
+    if rng.integers(4):
+        mutate_file(path, lambda text: mutated_text(rng, text) or b"\n")
+    else:
+        pack = one_of(rng, (gzip.compress, lzma.compress))
+        mutate_file(path, lambda text: mutated_bytes(rng, pack(text)))
 
 
 def mutate_hdf5(rng: Rng, path: Path) -> None:

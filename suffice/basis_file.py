@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pod import ALONE, Basis, Ranks
+from suffice.door import disk_words
 from suffice.layout import hard_node
 from suffice.refusal import Refusal
 
@@ -76,9 +77,11 @@ def write_basis(
             if gram is not None:
                 file["gram"] = gram
         part.replace(path)
-    except OSError as error:
+    except (OSError, RuntimeError) as error:  # HDF5's two names for a disk that is full
         part.unlink(missing_ok=True)
-        raise Refusal(f"output {path} cannot be written ({error}); name a file in a folder that exists") from None
+        raise Refusal(
+            f"output {path} cannot be written ({disk_words(error)}); name a file in a folder that exists"
+        ) from None
 
 
 def _write_pieces(file: h5py.File, name: str, pieces: Iterator[NDArray[np.float64]], rows: int) -> None:
@@ -91,10 +94,12 @@ def _write_pieces(file: h5py.File, name: str, pieces: Iterator[NDArray[np.float6
 
 
 def read_gram(path: Path) -> NDArray[np.float64] | None:
-    """Return the inner products (N_t, N_t) that stand in a basis, or None.
+    """Return the inner products (N_t, N_t) that stand in a basis, None where there is no file or none in it.
 
     Raises Refusal where they are no square of finite numbers, or lie outside the file.
     """
+    if not path.exists():
+        return None
     try:
         with h5py.File(path, "r") as file:
             node = hard_node(file, "gram")

@@ -1,9 +1,12 @@
 """The door between the program and its user: every failure becomes one message and an exit code."""
 
 import json
+import os
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 import typer
@@ -12,6 +15,7 @@ from suffice.ranks import is_first
 from suffice.refusal import Refusal
 
 DONE, FAILED, REFUSED, INTERRUPTED = 0, 1, 2, 130
+REPEATED = "Can't decrement id ref count"  # HDF5's words
 UsageError: Any = typer.BadParameter.__mro__[1]  # typer has a click of its own, of which only this is public
 
 
@@ -30,6 +34,30 @@ def failures() -> tuple[type[Exception], ...]:
     sim, pod = sys.modules.get("sim"), sys.modules.get("pod")
     limits = () if sim is None else (sim.LimitError,)
     return (OSError, MemoryError, *limits, *(() if pod is None else (pod.LostRankError,)))
+
+
+def let_hdf5_tell_once() -> None:
+    """Keep what HDF5 repeats for each object it lets go of after a write has failed: that failure is told already.
+
+    To be called inside of typer, which brings a hook of its own.
+    """
+    unraisable, uncaught = sys.unraisablehook, sys.excepthook
+
+    def note_unraisable(found: Any) -> None:
+        if REPEATED not in str(found.exc_value):
+            unraisable(found)
+
+    def note_uncaught(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+        if REPEATED not in str(error):
+            uncaught(kind, error, trace)
+
+    sys.unraisablehook, sys.excepthook = note_unraisable, note_uncaught
+
+
+def disk_words(error: Exception) -> str:
+    """Return what the system said about a write, without what HDF5 wraps around it."""
+    found = re.search(r"errno = (\d+)", str(error))
+    return os.strerror(int(found[1])) if found else str(error)
 
 
 def run_command(command: Callable[[], Any]) -> int:
@@ -52,7 +80,7 @@ def run_command(command: Callable[[], Any]) -> int:
         # torchrun's processes are all refused alike; the first one says so
         return _say(f"refused: {error}", REFUSED) if is_first() else REFUSED
     except failures() as error:
-        return _say(f"failed: {error or type(error).__name__}", FAILED)
+        return _say(f"failed: {disk_words(error) or type(error).__name__}", FAILED)
 
 
 def _say(message: str, code: int) -> int:

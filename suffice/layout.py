@@ -65,8 +65,8 @@ def hard_node(file: Any, name: str) -> Any:
         raise Refusal(f"{file.filename}: {name} holds neither numbers nor plain text; make it again")
     if isinstance(node, h5py.Dataset) and not _held(node):
         raise Refusal(
-            f"{file.filename}: {name} declares {node.shape} numbers and {node.id.get_storage_size()} bytes of them are in "
-            "the file; make it again, or unpack it with `h5repack -f NONE`"
+            f"{file.filename}: {name} declares {node.shape} numbers, of which {node.id.get_storage_size()} bytes are "
+            "in the file; make it again, or unpack it with `h5repack -f NONE`"
         )
     return node
 
