@@ -70,9 +70,11 @@ class Child:
         self._home = str((writes or folder).resolve())
         self._said = self.folder.parent / f"{folder.name}.said"
         self._shared = mmap.mmap(-1, 1 << 16)
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])  # until the child's command listens
         self.pid = os.fork()
         if self.pid == 0:
             self._work(words, limits or {}, dies_at, prepare)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
 
     def _work(
         self, words: Sequence[str], limits: dict[str, int], dies_at: int | None, prepare: Callable[[], Any] | None
@@ -91,7 +93,11 @@ class Child:
             from suffice.__main__ import app
             from suffice.door import run_command
 
-            code = run_command(lambda: app(list(words), standalone_mode=False))
+            def command() -> Any:
+                signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+                return app(list(words), standalone_mode=False)
+
+            code = run_command(command)
         except BaseException:
             traceback.print_exc()
         finally:

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from suffice.door import let_hdf5_tell_once, run_command
+from suffice.door import hear_what_is_dropped, run_command
 from suffice.options import Json, RunFile, Variables, tell
 from suffice.progress import Reporter
 from suffice.surrogate_commands import compare, predict, train
@@ -39,7 +39,7 @@ def common(
 ) -> None:
     """Take the options that all commands share."""
     context.obj = Reporter(as_json=log_json)
-    let_hdf5_tell_once()
+    hear_what_is_dropped()
 
 
 def _say(message: str) -> None:
