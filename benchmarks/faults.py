@@ -101,11 +101,11 @@ def plain(value: Any) -> Any:
 
 
 def arrays_of(path: Path) -> dict[str, Any]:
-    """Return a digest of every dataset of an HDF5 file, but for the moment it was made at."""
+    """Return a digest of every dataset of an HDF5 file, but for when, and of which revision, it was made."""
     found: dict[str, Any] = {}
 
     def note(name: str, node: Any) -> None:
-        if isinstance(node, h5py.Dataset) and not name.endswith("/made"):
+        if isinstance(node, h5py.Dataset) and not name.endswith(("/made", "/git")):
             told = name == "suffice/card"
             found[name] = plain(json.loads(bytes(node[()]))) if told else digest(node[()])
 

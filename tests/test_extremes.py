@@ -374,8 +374,8 @@ def test_the_table_in_the_docs_tells_these_cases():
 def write_table() -> None:
     """Measure every case and write the table."""
     about = (
-        "Made by `python tests/test_extremes.py`, which fails where a case does not hold. *Exact* is to 1e-12 relative or",
-        "to the bit; *within gate* gives relative error and gate; *refused* what the message says.",
+        "Made by `python tests/test_extremes.py`, which fails where a case does not hold. *Exact* is to 1e-12 relative",
+        "or to the bit; *within gate* gives relative error and gate; *refused* what the message says.",
     )
     lines = ["# Extremes", "", *about, "", "| law | extreme | outcome | figure or message |", "|---|---|---|---|"]
     for case in CASES:
