@@ -124,6 +124,7 @@ def read_card(path: Path) -> dict[str, Any] | None:
             if node is None:
                 return None
             card: Any = json.loads(bytes(node[()]))
+            json.dumps(card, ensure_ascii=False).encode()  # half a character could not be shown
     except OSError:  # no HDF5
         return None
     except DAMAGE as error:
