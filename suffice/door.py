@@ -38,6 +38,8 @@ def failures() -> tuple[type[Exception], ...]:
     """Return the exceptions that mean: begun, but failed on the way."""
     sim, pod = sys.modules.get("sim"), sys.modules.get("pod")
     limits = () if sim is None else (sim.LimitError,)
+    tensors = sys.modules.get("safetensors")  # its name for a disk that is full
+    limits += () if tensors is None else (tensors.SafetensorError,)
     return (OSError, MemoryError, *limits, *(() if pod is None else (pod.LostRankError,)))
 
 
