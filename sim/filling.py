@@ -7,6 +7,7 @@ import numpy as np
 from sim.errors import InputError
 from sim.extent import extent_of
 from sim.kernel import Array
+from sim.memory import OF_PARTICLE, check_memory
 from sim.motion import Bodies
 from sim.near_walls import count_near_walls
 from sim.scene import Scene
@@ -103,8 +104,14 @@ def solid_volume_asked_for(table: ParticleTable, region: Region) -> float:
 def numbers_of(scene: Scene, walls: Bodies | None) -> list[int]:
     """Return how many spheres every species has.
 
-    Raises InputError where a share of the free volume is less than one sphere.
+    Raises InputError where a share of the free volume is less than one sphere, or where they do not fit into memory.
     """
+    numbers = _numbers_of(scene, walls)
+    check_memory("particles", sum(numbers), OF_PARTICLE)
+    return numbers
+
+
+def _numbers_of(scene: Scene, walls: Bodies | None) -> list[int]:
     if all(table.number is not None for table in scene.particles):
         return [table.number or 0 for table in scene.particles]
     region = region_of(scene, walls)

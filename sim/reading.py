@@ -68,7 +68,7 @@ def parse_scene(text: str, source: str = "") -> Scene:
     """
     try:
         tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # also numbers and nesting beyond what Python reads
         raise InputError(f"scene {source}: not valid TOML: {error}") from None
     try:
         return Scene.model_validate(tables)

@@ -1,8 +1,10 @@
 """From a scene to a run: a generator of snapshots."""
 
 from collections.abc import Iterator
+from math import prod
 from typing import TYPE_CHECKING, TypeAlias
 
+from sim.memory import OF_CELL, check_memory
 from sim.scene import Scene
 from sim.simulation import Simulation
 from sim.start import StartState
@@ -21,6 +23,7 @@ def simulation_of(scene: Scene, start: StartState | None = None) -> AnyRun:
     """
     if scene.fluid is None:
         return Simulation(scene, start)
+    check_memory("fluid.cells", prod(scene.fluid.cells), OF_CELL)
     if not scene.particles:
         from sim.flowing import FlowSimulation
 

@@ -16,6 +16,8 @@ from sim.law import (
 from sim.scene import Scene
 from sim.species import Contact, ParticleTable
 
+MOST_STEPS = 2.0**53  # in a snapshot interval: beyond, not every number of steps is one in double precision
+
 
 class TimeLimit(NamedTuple):
     """The largest step that one term allows."""
@@ -124,6 +126,11 @@ def time_step(scene: Scene) -> tuple[float, int]:
         raise InputError(
             f"time.step = {wanted:g} s: above the limit of {binding.largest:.3g} s set by the {binding.term} "
             f"(stiffness {binding.stiffness:g} N/m); lower the step, or leave it out for {_advice(limits):.3g} s"
+        )
+    if not scene.output.interval < MOST_STEPS * wanted:
+        raise InputError(
+            f"output.interval = {scene.output.interval:g} s: more than {MOST_STEPS:.2g} steps of {wanted:.3g} s, which "
+            "nobody can count; soften the contact, take larger particles, or lower the interval"
         )
     per_snapshot = steps_between(scene.output.interval, wanted)
     return scene.output.interval / per_snapshot, per_snapshot

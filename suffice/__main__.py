@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from suffice.door import run_command
+from suffice.door import hear_what_is_dropped, run_command
 from suffice.foreign_commands import export, import_
 from suffice.options import Json, RunFile, Variables, tell
 from suffice.progress import Reporter
@@ -40,6 +40,7 @@ def common(
 ) -> None:
     """Take the options that all commands share."""
     context.obj = Reporter(as_json=log_json)
+    hear_what_is_dropped()
 
 
 def _say(message: str) -> None:

@@ -11,10 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pod import ALONE, Basis, Ranks
+from suffice.door import disk_words
+from suffice.layout import hard_node
 from suffice.refusal import Refusal
 
 KIND = "basis"
 ARRAYS = ("mean", "modes", "values", "residuals", "ratio", "tridiagonal")
+DAMAGE = (OSError, RuntimeError, LookupError, ValueError, TypeError)  # what HDF5 and JSON raise on broken content
 SHARED = ("mean", "modes", "weights")  # of which each process that shares the rows has its own
 
 
@@ -74,9 +77,11 @@ def write_basis(
             if gram is not None:
                 file["gram"] = gram
         part.replace(path)
-    except OSError as error:
+    except (OSError, RuntimeError) as error:  # HDF5's two names for a disk that is full
         part.unlink(missing_ok=True)
-        raise Refusal(f"output {path} cannot be written ({error}); name a file in a folder that exists") from None
+        raise Refusal(
+            f"output {path} cannot be written ({disk_words(error)}); name a file in a folder that exists"
+        ) from None
 
 
 def _write_pieces(file: h5py.File, name: str, pieces: Iterator[NDArray[np.float64]], rows: int) -> None:
@@ -89,21 +94,45 @@ def _write_pieces(file: h5py.File, name: str, pieces: Iterator[NDArray[np.float6
 
 
 def read_gram(path: Path) -> NDArray[np.float64] | None:
-    """Return the inner products that stand in a basis, or None."""
+    """Return the inner products (N_t, N_t) that stand in a basis, None where there is no file or none in it.
+
+    Raises Refusal where they are no square of finite numbers, or lie outside the file.
+    """
+    if not path.exists():
+        return None
     try:
         with h5py.File(path, "r") as file:
-            return np.asarray(file["gram"][()], dtype=np.float64) if "gram" in file else None
-    except (OSError, ValueError, TypeError):
-        return None
+            node = hard_node(file, "gram")
+            if node is None:
+                return None
+            gram = np.asarray(node[()], dtype=np.float64)
+    except DAMAGE as error:
+        raise _damaged(path, error) from None
+    if gram.ndim != 2 or gram.shape[0] != gram.shape[1] or not np.isfinite(gram).all():
+        raise _damaged(path, f"its inner products, {gram.shape}, are no square of finite numbers")
+    return gram
 
 
 def read_card(path: Path) -> dict[str, Any] | None:
-    """Return the card of a basis, or None where the file is no basis."""
+    """Return the card of a basis, or None where the file is no basis.
+
+    Raises Refusal where the card cannot be read, or lies outside the file.
+    """
     try:
         with h5py.File(path, "r") as file:
-            if "suffice/card" not in file:
+            node = hard_node(file, "suffice/card")
+            if node is None:
                 return None
-            card: dict[str, Any] = json.loads(bytes(file["suffice/card"][()]))
-            return card
-    except (OSError, ValueError, TypeError):
+            card: Any = json.loads(bytes(node[()]))
+            json.dumps(card, ensure_ascii=False).encode()  # half a character could not be shown
+    except OSError:  # no HDF5
         return None
+    except DAMAGE as error:
+        raise _damaged(path, error) from None
+    if not isinstance(card, dict):
+        raise _damaged(path, "its card is no object of JSON")
+    return card
+
+
+def _damaged(path: Path, why: object) -> Refusal:
+    return why if isinstance(why, Refusal) else Refusal(f"{path}: the basis is damaged ({why}); make it again")

@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from suffice.door import disk_words
 from suffice.refusal import Refusal
 
 
@@ -28,15 +29,25 @@ def _part(path: Path) -> Path:
 
 
 def write_checkpoint(run: Path, state: dict[str, NDArray[Any]]) -> None:
-    """Write the state beside and rename it, so that a complete one always stands."""
+    """Write the state beside and rename it, so that a complete one always stands.
+
+    Raises OSError where it cannot be written.
+    """
     path = checkpoint_path(run)
     part = _part(path)
-    with h5py.File(part, "w", locking=False) as file:
-        for name, values in state.items():
-            file[name] = values
-        file.flush()
-        os.fsync(file.id.get_vfd_handle())
-    part.replace(path)
+    try:
+        with h5py.File(part, "w", locking=False) as file:
+            for name, values in state.items():
+                file[name] = values
+            file.flush()
+            os.fsync(file.id.get_vfd_handle())
+        part.replace(path)
+    except (OSError, RuntimeError) as error:  # HDF5's two names for a disk that is full
+        part.unlink(missing_ok=True)
+        raise OSError(
+            f"checkpoint {path} cannot be written ({disk_words(error)}); {run} keeps its snapshots: make room, "
+            "then go on with --resume"
+        ) from None
 
 
 def read_checkpoint(run: Path) -> dict[str, NDArray[Any]] | None:

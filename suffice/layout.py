@@ -48,18 +48,30 @@ def bytes_of(shapes: list[tuple[int, ...]], itemsize: int) -> int:
 def hard_node(file: Any, name: str) -> Any:
     """Return a group or dataset that lies in this file itself, or None where there is none.
 
-    Raises `Refusal` where it leads out of the file by a link, a virtual dataset or external storage: a run that came
-    from elsewhere must not make us read other files.
+    Raises `Refusal` where it leads out of the file by a link, a virtual dataset or external storage, or declares more
+    numbers than the file holds: a file that came from elsewhere must not make us read other files, nor take memory
+    that its own size does not foretell.
     """
     node = file
     for part in name.split("/"):
         if not isinstance(node, h5py.Group) or part not in node:
             return None
         if not isinstance(node.get(part, getlink=True), h5py.HardLink):
-            raise Refusal(f"{file.filename}: {name} is a link; a run holds its own data: copy them into it")
+            raise Refusal(f"{file.filename}: {name} is a link; it must hold its own data: copy them into it")
         node = node[part]
     if isinstance(node, h5py.Dataset) and (node.is_virtual or node.external):
-        raise Refusal(f"{file.filename}: {name} lies in another file; a run holds its own data: copy them into it")
+        raise Refusal(f"{file.filename}: {name} lies in another file; it must hold its own data: copy them into it")
     if isinstance(node, h5py.Dataset) and node.dtype.kind not in "fiS":  # references, and lengths that HDF5 trusts
-        raise Refusal(f"{file.filename}: {name} holds neither numbers nor plain text; make the run again")
+        raise Refusal(f"{file.filename}: {name} holds neither numbers nor plain text; make it again")
+    if isinstance(node, h5py.Dataset) and not _held(node):
+        raise Refusal(
+            f"{file.filename}: {name} declares {node.shape} numbers, of which {node.id.get_storage_size()} bytes are "
+            "in the file; make it again, or unpack it with `h5repack -f NONE`"
+        )
     return node
+
+
+def _held(node: h5py.Dataset) -> bool:
+    """Tell whether all that a dataset declares is in the file, neither left out nor compressed."""
+    stored = min(node.id.get_storage_size(), node.file.id.get_filesize())
+    return node.shape is not None and node.nbytes <= stored

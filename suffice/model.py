@@ -95,9 +95,10 @@ def read_model_card(folder: Path) -> dict[str, Any] | None:
 
 
 def read_card(path: Path) -> dict[str, Any] | None:
-    """Return an object of JSON, None where the file holds none."""
+    """Return an object of JSON, None where the file holds none, or is none: a device has no end."""
     try:
-        card: Any = json.loads(path.read_text(encoding="utf-8"))
+        card: Any = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
+        json.dumps(card, ensure_ascii=False).encode()  # half a character could not be shown
     except (OSError, ValueError, RecursionError):
         return None
     return card if isinstance(card, dict) else None

@@ -8,6 +8,7 @@ import os
 import shutil
 import time as clock
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import EllipsisType, TracebackType
 from typing import Any, Literal, Self
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from suffice import layout
+from suffice.door import disk_words
 from suffice.quantities import QUANTITIES, Grid
 from suffice.refusal import Refusal
 from suffice.run import Run
@@ -78,6 +80,9 @@ class RunWriter:
             self.sync()
             if not beside:
                 self._publish()
+        except (OSError, RuntimeError) as error:  # HDF5's two names for a disk that is full
+            self._discard()
+            raise _unwritable(self.path, error) from None
         except BaseException:
             self._discard()
             raise
@@ -155,10 +160,13 @@ class RunWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if kind is not None and self._beside:
+        if kind is None:
+            self.close()
+        elif self._beside:
             self._discard()
         else:
-            self.close()
+            with suppress(OSError, RuntimeError):  # the first failure is the one to tell
+                self.close()
 
     def _allocate(
         self,
@@ -218,7 +226,8 @@ class RunWriter:
         os.replace(self._part, self.path)
 
     def _discard(self) -> None:
-        self._file.close()
+        with suppress(OSError, RuntimeError):
+            self._file.close()
         self._part.unlink(missing_ok=True)
 
     def _write_views(self) -> None:
@@ -231,9 +240,13 @@ def _create(part: Path) -> h5py.File:
         # without a lock, ParaView can look into the run while it is written
         return h5py.File(part, "w", locking=False)
     except OSError as error:
-        raise Refusal(
-            f"output {part.with_suffix('')} cannot be written ({error}); choose a folder you may write to"
-        ) from None
+        raise _unwritable(part.with_suffix(""), error) from None
+
+
+def _unwritable(path: Path, error: Exception) -> Refusal:
+    return Refusal(
+        f"output {path} cannot be written ({disk_words(error)}); choose a folder you may write to, on a disk with room"
+    )
 
 
 def _holds_run(path: Path) -> bool:

@@ -98,13 +98,13 @@ def load_study(name_or_path: str) -> tuple[str, Study, Path]:
             f"study {name_or_path!r}: no such file or not a text ({error}); give a TOML file or one of the built-in "
             f"studies: {', '.join(built_in)}"
         ) from None
-    except tomllib.TOMLDecodeError as error:
-        raise Refusal(f"study {name_or_path}: not valid TOML: {error}") from None
     except ValidationError as error:
         found = error.errors(include_url=False)[0]
         field = ".".join(map(str, found["loc"])) or "study"
         message = found["msg"].removeprefix("Value error, ")
         raise Refusal(f"study {name_or_path}: {field} = {found['input']!r}: {message}") from None
+    except (ValueError, RecursionError) as error:  # no TOML; numbers or nesting beyond what Python reads
+        raise Refusal(f"study {name_or_path}: not valid TOML: {error}") from None
     return (name_or_path, study, Path()) if name_or_path in built_in else (path.stem, study, path.parent)
 
 

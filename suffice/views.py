@@ -15,6 +15,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from suffice.door import disk_words
 from suffice.quantities import QUANTITIES, Grid
 
 VERTICES = "suffice/vertices"  # 0 … n in run.h5: both connectivity and offsets of one vertex per particle
@@ -54,9 +55,15 @@ def remove_views(run: Path) -> None:
 @contextmanager
 def _replacing(path: Path) -> Iterator[Any]:
     part = path.with_name(f"{path.name}.part")
-    with h5py.File(part, "w") as file:
-        yield file.create_group("VTKHDF")
-    os.replace(part, path)
+    try:
+        with h5py.File(part, "w") as file:
+            yield file.create_group("VTKHDF")
+        os.replace(part, path)
+    except (OSError, RuntimeError) as error:  # HDF5's two names for a disk that is full
+        part.unlink(missing_ok=True)
+        raise OSError(
+            f"view {path} cannot be written ({disk_words(error)}); make room, or its folder, and run it again"
+        ) from None
 
 
 def _fill_particles(root: Any, run: str, times: NDArray[np.float64], n: int, variables: Sequence[str]) -> None:
