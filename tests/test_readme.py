@@ -58,8 +58,9 @@ def test_the_first_answer_of_the_readme_is_that_of_its_table():
     text = (TOP / "README.md").read_text(encoding="utf-8")
     sentence = r"^(position\.[xy]): Δτ = ([\d.]+) s suffices \(K_f ([\d.]+) ≥ 2\); (\d+) … (\d+) modes"
     said = re.findall(sentence, text, re.MULTILINE)
-    names = re.search(r"^\| Δτ \| (.*) \|$", text, re.MULTILINE)[1].split(" | ")
-    rows = {row: cells.split(" | ") for row, cells in re.findall(r"^\| (\d+) ms \| (.*) \|$", text, re.MULTILINE)}
+    head, table = re.search(r"^\| Δτ \| (position.*) \|\n((?:\|.*\|\n)+)", text, re.MULTILINE).groups()
+    names = head.split(" | ")
+    rows = {row: cells.split(" | ") for row, cells in re.findall(r"^\| (\d+) ms \| (.*) \|$", table, re.MULTILINE)}
     assert len(said) == 2
     for name, interval, K_f, n_lr, n_c in said:
         judged = {row: cells[names.index(name)] for row, cells in rows.items()}
