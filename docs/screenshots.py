@@ -1,5 +1,7 @@
 """Pictures of a study's report, light and dark, as docs/report_light.jpg and docs/report_dark.jpg.
 
+A page too long for one picture becomes several, numbered.
+
     python docs/screenshots.py STUDY_FOLDER [-o docs]
 
 A headless Chromium opens the report, as a reader would from the disk.
@@ -11,6 +13,7 @@ from pathlib import Path
 from browser import Browser
 
 WIDTH, QUALITY = 1120, 68
+TALLEST = 4000  # pixels of a picture; of a longer one Chromium repeats the beginning
 PLAYER = "document.querySelector('section:has(.player)')"
 READY = f"document.readyState === 'complete' && !({PLAYER} && !{PLAYER}.dataset.player)"
 # a frame in the middle, between two that the surrogate was trained on
@@ -39,9 +42,11 @@ def main() -> None:
             page.run(MIDDLE)
             last = "document.body" if asked.whole else f"({PLAYER} || document.body)"
             height = page.run(f"{last}.getBoundingClientRect().bottom + scrollY + 16")
-            target = asked.output / f"report_{scheme}.jpg"
-            target.write_bytes(page.picture((0, 0, asked.width, height), QUALITY))
-            print(f"{target}: {target.stat().st_size / 1e3:.0f} kB")
+            for number, top in enumerate(range(0, int(height), TALLEST)):
+                part = (0, top, asked.width, min(height - top, TALLEST))
+                target = asked.output / f"report_{scheme}{f'_{number + 1}' if height > TALLEST else ''}.jpg"
+                target.write_bytes(page.picture(part, QUALITY))
+                print(f"{target}: {target.stat().st_size / 1e3:.0f} kB")
     if page.errors:
         raise SystemExit("\n".join(page.errors))
 

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.errors import InputError
 from sim.extent import extent_of
@@ -64,8 +65,7 @@ def free_volume(lowest: Array, highest: Array, walls: Bodies | None) -> float:
     extent = highest - lowest
     if walls is None:
         return float(np.prod(extent))
-    edge = float((np.prod(extent) / SAMPLES) ** (1.0 / 3.0))
-    cells = np.maximum(np.ceil(extent / edge), 1).astype(int)
+    cells = _cells(extent)
     edges = extent / cells
     axes = [low + h * (np.arange(n) + 0.5) for low, h, n in zip(lowest, edges, cells, strict=True)]
     free = 0.0
@@ -75,6 +75,18 @@ def free_volume(lowest: Array, highest: Array, walls: Bodies | None) -> float:
         distance[beyond_shells(layer, walls)] = -np.inf
         free += float(np.clip(0.5 + distance / edges.mean(), 0.0, 1.0).sum())
     return free * float(np.prod(edges))
+
+
+def _cells(extent: Array) -> NDArray[np.int64]:
+    """Return the numbers of cubic cells along three edges (m), some `SAMPLES` in all; an edge below theirs has one."""
+    long = extent > 0.0
+    while True:
+        edge = float((np.prod(extent[long]) / SAMPLES) ** (1.0 / max(long.sum(), 1)))
+        short = long & (extent < edge)
+        if not short.any():
+            break
+        long &= ~short
+    return np.where(long, np.ceil(extent / edge), 1).astype(np.int64)
 
 
 def region_of(scene: Scene, walls: Bodies | None) -> Region:

@@ -194,6 +194,10 @@ class Run:
 
     def _read_times(self) -> NDArray[np.float64]:
         times, complete = self._dataset(layout.TIME), int(self._dataset(layout.COUNTER)[()])
+        if times.ndim != 1:
+            raise Refusal(
+                f"{self.path} is damaged: {layout.TIME} has shape {times.shape}, not one time each; make it again"
+            )
         self._n_reserved = len(times)
         if not 0 <= complete <= self._n_reserved:
             raise Refusal(

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from sim import InputError, Scene, Simulation
 from sim.assembly import walls_of
-from sim.filling import free_volume, numbers_of, region_of, solid_fraction
+from sim.filling import SAMPLES, _cells, free_volume, numbers_of, region_of, solid_fraction
 from sim.kernel import most_threads
 from sim.sizes import drawn_diameters, mean_volume
 from sim.species import ParticleTable
@@ -244,3 +244,9 @@ def test_a_start_with_other_particles_is_refused(start, says):
         Simulation(scene({"count": 4}), start=start)
     with pytest.raises(InputError, match=r"start\.run = 'a\.h5': only `suffice simulate` reads runs"):
         Simulation(scene({"count": 4}, start={"run": "a.h5"}))
+
+
+@pytest.mark.parametrize("extent", [(1.0, 1.0, 1.0), (3.0, 2.0, 1e-9), (1e6, 1e-3, 1e-3), (1e300, 1e-3, 1.0)])
+def test_a_free_volume_is_summed_over_half_a_million_cells_however_thin_the_vessel(extent):
+    cells = _cells(np.array(extent))
+    assert SAMPLES <= cells.prod() <= 1.05 * SAMPLES
