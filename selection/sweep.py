@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from functools import cache, partial
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +16,9 @@ from selection.intervals import candidates, dense_interval
 from selection.routes import routes
 from selection.shown import chosen_text, table_of
 from selection.table import Table
+from selection.threads import once, shared
+
+MANY = 500  # snapshots, above which the intervals share the cores
 
 Array = NDArray[np.float64]
 
@@ -131,9 +134,11 @@ def judge(
     limits = thresholds or Thresholds()
     subsets = candidates(times, intervals)
     _check(products, np.size(np.asarray(times)))
-    asked = None if factor is None else cache(factor)
+    asked = None if factor is None else once(factor)
     known = routes(products)
-    table = [judged(subset, known, asked, limits, scarce=scarce) for subset in subsets]
+    # the groups of the jackknife share the cores themselves
+    each = shared if products.groups is None and len(products.gram) >= MANY else map
+    table = list(each(lambda subset: judged(subset, known, asked, limits, scarce=scarce), subsets))
     chosen = next((c.interval for c in table if c.sufficient), None)
     return Sweep(dense_interval(times), chosen, limits, table)
 

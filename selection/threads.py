@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from functools import cache
+from threading import Lock
 from typing import Any, TypeVar
 
 from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]
@@ -23,6 +24,17 @@ def shared(work: Callable[[T], R], items: Iterable[T]) -> list[R]:
     """Results of a piece of work for each item, in order; the cores share the items out."""
     with alone(), ThreadPoolExecutor(cores()) as pool:
         return list(pool.map(work, items))
+
+
+def once(work: Callable[[], R]) -> Callable[[], R]:
+    """Return what does a piece of work when it is first asked for, whichever thread asks, and knows it from then on."""
+    found, lock = cache(work), Lock()
+
+    def ask() -> R:
+        with lock:
+            return found()
+
+    return ask
 
 
 @cache
