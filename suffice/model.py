@@ -56,7 +56,9 @@ def check_model_place(folder: Path) -> None:
     """Refuse an output that is a file, or a folder that holds other things than a model."""
     if folder.exists() and not folder.is_dir():
         raise Refusal(f"output {folder} is a file; name a folder for the model")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / CARD).exists() and not training_stands(folder):
+    begun = {ARRAYS, f"{ARRAYS}.part", f"{CARD}.part"}  # what a kill between the first file and the last leaves
+    others = folder.is_dir() and any(path.name not in begun for path in folder.iterdir())
+    if others and not (folder / CARD).exists() and not training_stands(folder):
         raise Refusal(f"output {folder} holds other things than a model; choose another name or empty it")
     if not folder.parent.is_dir():
         raise Refusal(f"output {folder}: there is no folder {folder.parent}; make it first")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import load_file, save_file
 
-from suffice.model import ARRAYS, CARD, load_model
+from suffice.model import ARRAYS, CARD, check_model_place, load_model
 from suffice.predicting import parse_times
 from suffice.progress import Reporter
 from suffice.refusal import Refusal
@@ -207,3 +207,12 @@ def test_a_model_takes_as_many_bytes_as_its_card_tells_beside_the_particles(sour
     assert arrays["modes"].dtype == arrays["mean"].dtype == np.float32  # as the snapshots they were made of
     kept = sum(array.nbytes for name, array in arrays.items() if name not in ("ids", "radius", "species"))
     assert card["storage_bytes"] == kept
+
+
+def test_what_a_kill_while_writing_leaves_does_not_stand_in_the_way(tmp_path):
+    for name in ("model.safetensors", "model.safetensors.part", "model.json.part"):
+        (tmp_path / name).write_text("")
+        check_model_place(tmp_path)
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(Refusal, match="holds other things than a model"):
+        check_model_place(tmp_path)
