@@ -131,6 +131,13 @@ def of_model(folder: Path) -> dict[str, Any]:
     return {name: digest(array) for name, array in arrays.items()} | {"card": card}
 
 
+def of_combined(folder: Path) -> dict[str, Any]:
+    """Content of a model of several variables: its parts, and what its card says of them."""
+    card = json.loads((folder / "model" / "model.json").read_text())
+    parts = {name: load_file(folder / "model" / name / "model.safetensors") for name in card["parts"]}
+    return {f"{part}/{name}": digest(array) for part, held in parts.items() for name, array in held.items()}
+
+
 def of_study(folder: Path) -> dict[str, Any]:
     """Content of a study: its run, verdicts and errors."""
     out = folder / "out"
@@ -204,6 +211,12 @@ CASES = {
         look_at_whole(of_model, "model/model.json"),
         of_model,
         "model",
+    ),
+    "combine": Case(
+        "train source.h5 --variable position.x --variable position.z --interval 0.001 --surrogate spline -o model".split(),
+        look_at_whole(of_combined, "model/model.json"),
+        of_combined,
+        "model/plan.json",
     ),
     "study": Case(["study", "study.toml", "-o", "out"], look_at_study, of_study),
 }

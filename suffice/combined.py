@@ -71,7 +71,7 @@ def _part(folder: Path, name: str) -> Model:
 
 def check_combined_place(folder: Path) -> None:
     """Refuse an output that is a file, or a folder that holds other things than a model or a part of one."""
-    if not (folder / PLAN).exists():
+    if not any((folder / name).exists() for name in (PLAN, f"{PLAN}.part")):
         check_model_place(folder)
 
 
@@ -93,24 +93,30 @@ def _told(value: Any) -> str:
 
 
 def begin(folder: Path, asked: Mapping[str, Any], parts: list[str]) -> None:
-    """Write what is asked for, and forget what stood there under the same names."""
+    """Write what is asked for, and forget what stood there under the same names.
+
+    The plan stands beside before anything is forgotten, and under its name only then: a kill in between leaves a
+    folder that is known as ours, and nothing to resume.
+    """
     try:
         folder.mkdir(exist_ok=True)
+        part = _beside(folder / PLAN, asked)
         for card in (folder / CARD, *(folder / name / CARD for name in parts)):
             card.unlink(missing_ok=True)
+        os.replace(part, folder / PLAN)
     except OSError as error:
         raise Refusal(f"output {folder} cannot be written ({error}); name a folder you may write to") from None
-    write_beside(folder / PLAN, asked)
 
 
 def finish(folder: Path, card: Mapping[str, Any]) -> None:
     """Write the card, last of all: without it there is no model."""
-    write_beside(folder / CARD, {**card, "kind": KIND, "version": VERSION})
-    (folder / PLAN).unlink(missing_ok=True)
+    os.replace(_beside(folder / CARD, {**card, "kind": KIND, "version": VERSION}), folder / CARD)
+    for plan in (folder / PLAN, folder / f"{PLAN}.part"):
+        plan.unlink(missing_ok=True)
 
 
-def write_beside(path: Path, content: Mapping[str, Any]) -> None:
-    """Write JSON beside and rename it."""
+def _beside(path: Path, content: Mapping[str, Any]) -> Path:
+    """Write JSON beside a file, ready to be renamed."""
     part = path.with_name(f"{path.name}.part")
     part.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    os.replace(part, path)
+    return part

@@ -18,6 +18,7 @@ from surrogates import SURROGATES, InputError, Surrogate
 
 KIND, VERSION = "model", 1
 ARRAYS, CARD = "model.safetensors", "model.json"
+BEGUN = "training.begun"  # stands from before a training writes anything until its model is whole
 FITTED = "surrogate/"  # before the names of a surrogate's own arrays
 PARTICLES = ("ids", "radius", "species")
 
@@ -56,12 +57,21 @@ def check_model_place(folder: Path) -> None:
     """Refuse an output that is a file, or a folder that holds other things than a model."""
     if folder.exists() and not folder.is_dir():
         raise Refusal(f"output {folder} is a file; name a folder for the model")
-    begun = {ARRAYS, f"{ARRAYS}.part", f"{CARD}.part"}  # what a kill between the first file and the last leaves
-    others = folder.is_dir() and any(path.name not in begun for path in folder.iterdir())
-    if others and not (folder / CARD).exists() and not training_stands(folder):
+    ours = any((folder / name).exists() for name in (CARD, BEGUN)) or training_stands(folder)
+    half = {ARRAYS, f"{ARRAYS}.part", f"{CARD}.part"}  # what a kill between the first file and the last leaves
+    if not ours and folder.is_dir() and any(path.name not in half for path in folder.iterdir()):
         raise Refusal(f"output {folder} holds other things than a model; choose another name or empty it")
     if not folder.parent.is_dir():
         raise Refusal(f"output {folder}: there is no folder {folder.parent}; make it first")
+
+
+def begin_training(folder: Path) -> None:
+    """Mark a folder as one of ours before logs and states come into it: a kill may leave them without a model."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / BEGUN).touch()
+    except OSError as error:
+        raise _unwritable(folder, error) from None
 
 
 def training_stands(folder: Path) -> bool:
@@ -86,8 +96,13 @@ def save_model(folder: Path, model: Model) -> None:
         part = folder / f"{CARD}.part"
         part.write_text(json.dumps(card, indent=1, allow_nan=False) + "\n", encoding="utf-8")
         os.replace(part, folder / CARD)
+        (folder / BEGUN).unlink(missing_ok=True)
     except OSError as error:
-        raise Refusal(f"output {folder} cannot be written ({error}); name a folder you may write to") from None
+        raise _unwritable(folder, error) from None
+
+
+def _unwritable(folder: Path, error: OSError) -> Refusal:
+    return Refusal(f"output {folder} cannot be written ({error}); name a folder you may write to")
 
 
 def read_model_card(folder: Path) -> dict[str, Any] | None:

@@ -12,7 +12,7 @@ from suffice.compare import CONSISTENCY
 from suffice.derived import velocity_rmse
 from suffice.door import InterruptedRunError
 from suffice.making import is_trained, made
-from suffice.model import Model, check_model_place, save_model
+from suffice.model import Model, begin_training, check_model_place, save_model
 from suffice.progress import Reporter
 from suffice.reconstruction import Case, Reduced, consistent_level, projection_errors, reduce, training_remark
 from suffice.refusal import Refusal
@@ -95,6 +95,7 @@ def _fitted(wish: Wish, case: Case, reduced: Reduced, n: int, folder: Path, repo
     try:
         with reporter.stage("train", "steps" if network else "fits") as advance:
             if isinstance(surrogate, Network):
+                begin_training(folder)
                 surrogate.watched(folder, wish.resume, advance)
                 return surrogate.fit(times, known, rates)
             advance(0, 1)

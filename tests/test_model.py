@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import load_file, save_file
 
-from suffice.model import ARRAYS, CARD, check_model_place, load_model
+from suffice.model import ARRAYS, BEGUN, CARD, begin_training, check_model_place, load_model
 from suffice.predicting import parse_times
 from suffice.progress import Reporter
 from suffice.refusal import Refusal
@@ -207,6 +207,20 @@ def test_a_model_takes_as_many_bytes_as_its_card_tells_beside_the_particles(sour
     assert arrays["modes"].dtype == arrays["mean"].dtype == np.float32  # as the snapshots they were made of
     kept = sum(array.nbytes for name, array in arrays.items() if name not in ("ids", "radius", "species"))
     assert card["storage_bytes"] == kept
+
+
+@pytest.mark.parametrize("left", ["training.begun", "log/version_0/hparams.yaml", "training.safetensors.part"])
+def test_what_a_kill_before_the_first_state_leaves_does_not_stand_in_the_way(tmp_path, left):
+    begin_training(tmp_path)
+    (tmp_path / left).parent.mkdir(parents=True, exist_ok=True)
+    (tmp_path / left).touch()
+    check_model_place(tmp_path)
+
+
+def test_a_finished_network_leaves_no_mark_of_a_training_that_goes_on(source, tmp_path):
+    trained(source, tmp_path / "model", "mlp", "position.x", max_seconds=1.0)
+    assert (tmp_path / "model" / CARD).exists()
+    assert not (tmp_path / "model" / BEGUN).exists()
 
 
 def test_what_a_kill_while_writing_leaves_does_not_stand_in_the_way(tmp_path):
