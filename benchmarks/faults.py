@@ -191,6 +191,7 @@ def look_at_study(folder: Path, _case: Case, _reported: int) -> None:
         assert (out / "report.html").read_text().rstrip().endswith("</html>"), "the report is cut"
 
 
+PARTS = ("train", "source.h5", "--variable", "position.x", "--variable", "position.z")  # one model of both
 CASES = {
     "simulate": Case(
         ["--log-json", "simulate", "scene.toml", "-o", "run.h5", "--threads", "1"],
@@ -213,7 +214,7 @@ CASES = {
         "model",
     ),
     "combine": Case(
-        "train source.h5 --variable position.x --variable position.z --interval 0.001 --surrogate spline -o model".split(),
+        [*PARTS, "--interval", "0.001", "--surrogate", "spline", "-o", "model"],
         look_at_whole(of_combined, "model/model.json"),
         of_combined,
         "model/plan.json",
