@@ -1,6 +1,6 @@
 """When a verdict on a growing run has settled: at which snapshots it is asked, and for how long it must have held."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from math import ceil
 
@@ -43,7 +43,11 @@ class Settling:
 
     def any_settled(self, n: int) -> bool:
         """Tell whether any Δτ has settled by a check."""
-        return any(self.settled(stride, n) for stride in range(COARSEST_STRIDE, FINEST_STRIDE - 1, -1))
+        return next(self.all_settled(n), None) is not None
+
+    def all_settled(self, n: int) -> Iterator[int]:
+        """Yield every Δτ that has settled by a check, in dense intervals, coarse to fine."""
+        return (stride for stride in range(COARSEST_STRIDE, FINEST_STRIDE - 1, -1) if self.settled(stride, n))
 
     def settled(self, stride: int, n: int) -> bool:
         """Tell whether a Δτ has settled by a check."""

@@ -61,8 +61,8 @@ class InSitu:
     Snapshots are held in memory, in stored precision, and judged at numbers of them that grow by a tenth; between these
     checks nothing but a copy is made. The verdict is that of `suffice select` on a file that holds the same snapshots,
     but of a Δτ it is looked at only where it can have settled (see selection/settled.py), and without the interval of
-    K_f. Where one has settled for every variable all is judged with that interval, and the run ends if it still holds.
-    At its end nothing is left out.
+    K_f. Where one has settled for every variable it is judged with that interval, and the run ends if it still holds.
+    The `verdict` at its end leaves nothing out.
     most: snapshots at the end of the run. Raises Refusal where all of them do not fit into memory.
     """
 
@@ -77,9 +77,10 @@ class InSitu:
             name: GrowingSnapshots(r.rows, most, r.rows_per_particle, dtype, GROUPS) for name, r in variables.items()
         }
         self.settling = {name: Settling(self.checks, partial(self._sufficient, name)) for name in variables}
-        self.table: dict[str, Sweep] = {}  # complete, of the last check that asked for it
+        self.table: dict[str, Sweep] = {}  # complete, of the end of the run
         self.suffices = False
-        self.seconds = 0.0  # that watching took
+        self.seconds = 0.0  # that watching took while the simulation went on
+        self.seconds_after = 0.0  # that the last verdict took
 
     def see(self, time: float, values: Mapping[str, ArrayLike]) -> None:
         """Take a snapshot at a time (s), and judge the run if a check is due."""
@@ -96,16 +97,18 @@ class InSitu:
 
     def _check(self) -> None:
         n = len(self.times)
-        if n == self.most or all(settling.any_settled(n) for settling in self.settling.values()):
-            self.table = self._sweeps()
-            self.suffices = all(self.settled_interval(name) is not None for name in self.variables)
+        if n < self.most and all(settling.any_settled(n) for settling in self.settling.values()):
+            self.suffices = all(map(self._holds, self.variables))
 
-    def _sweeps(self) -> dict[str, Sweep]:
+    def _holds(self, variable: str) -> bool:
+        """Tell whether any Δτ that has settled is sufficient with the interval of K_f as well."""
+        dense = dense_interval(self.times)
+        settled = (stride * dense for stride in self.settling[variable].all_settled(len(self.times)))
+        return any(self._sweep(variable, [interval]).candidates[0].verdict == "sufficient" for interval in settled)
+
+    def _sweep(self, variable: str, intervals: Sequence[float] | None) -> Sweep:
         with alone():
-            return {
-                name: sweep(snapshots, self.times, None, thresholds_of(name), GROUPS)
-                for name, snapshots in self.snapshots.items()
-            }
+            return sweep(self.snapshots[variable], self.times, intervals, thresholds_of(variable), GROUPS)
 
     def _sufficient(self, variable: str, stride: int, n: int) -> bool:
         """Tell whether Δτ, in dense intervals, is sufficient in the first n snapshots but for the interval of K_f."""
@@ -115,7 +118,7 @@ class InSitu:
             return is_sufficient(snapshots, times, stride * dense_interval(times), thresholds_of(variable))
 
     def settled_interval(self, variable: str) -> float | None:
-        """Return the largest Δτ (s) that has settled and is sufficient at the last check, None where there is none."""
+        """Return the largest Δτ (s) that has settled and is sufficient at the end, None where there is none."""
         found, settling = self.table[variable], self.settling[variable]
         coarse_to_fine = (s for s in sufficient_strides(found) if settling.settled(s, len(self.times)))
         stride = next(coarse_to_fine, None)
@@ -130,10 +133,13 @@ class InSitu:
             self._take(float(time), columns)
 
     def verdict(self) -> dict[str, Any]:
-        """Return the last check in plain types, as `select --json` has it, with what it means for the run."""
+        """Judge what there is at the end of the run and return it in plain types, as `select --json` has it."""
+        began = perf_counter()
+        self.table = {name: self._sweep(name, None) for name in self.variables}
+        self.suffices = all(self.settled_interval(name) is not None for name in self.variables)
         dense = next(iter(self.table.values())).dense_interval
         intervals = {name: self.settled_interval(name) for name in self.table}
-        return {
+        found = {
             "sufficient": self.suffices,
             "sentences": [self._end(), *(self._sentence(name, intervals[name]) for name in self.table)],
             "n_snapshots": len(self.times),
@@ -141,9 +147,11 @@ class InSitu:
             "dense_interval": dense,
             "checks": [n for n in self.checks if n <= len(self.times)],
             "variables": {
-                name: {**found.as_dict(), "settled_interval": intervals[name]} for name, found in self.table.items()
+                name: {**swept.as_dict(), "settled_interval": intervals[name]} for name, swept in self.table.items()
             },
         }
+        self.seconds_after = perf_counter() - began
+        return found
 
     def _end(self) -> str:
         """Say when the run ended and why."""

@@ -125,9 +125,10 @@ class Recorder:
         return {layout.WATCHED_TIME: np.array(self.watch.times), **found}
 
     def seconds_of(self) -> dict[str, float]:
-        """Return what watching and thinning took, s; empty where there is neither."""
+        """Return what watching and thinning took during the run, and the verdict after it, s; empty without them."""
         parts = [part.seconds for part in (self.watch, self.thinning) if part is not None]
-        return {"in_situ": round(sum(parts), 3)} if parts else {}
+        after = {} if self.watch is None else {"last_verdict": round(self.watch.seconds_after, 3)}
+        return {"in_situ": round(sum(parts), 3), **after} if parts else {}
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return all that a run needs to go on bitwise, beside its file."""
