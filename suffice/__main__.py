@@ -40,6 +40,7 @@ def common(
 ) -> None:
     """Take the options that all commands share."""
     context.obj = Reporter(as_json=log_json)
+    context.with_resource(context.obj.hearing())
     hear_what_is_dropped()
 
 
@@ -144,14 +145,21 @@ def info(
     from suffice.model import read_model_card
     from suffice.results import facts_of
     from suffice.run import Run
+    from suffice.summary import read_summary
+    from suffice.summary_text import summary_text
     from suffice.tables import show_combined, show_facts_and_found
 
+    summary = None
     answer = (read_model_card(file) or read_combined_card(file)) if file.is_dir() else read_card(file)
     if answer is None:
         with Run(file) as run:
             answer = {**facts_of(run), "series": sorted(run.series), **impact_facts(run), **run.provenance, **run.found}
+            summary = read_summary(run)
+        answer |= {} if summary is None else {"summary": summary.as_dict()}
     if tell(answer, json):
         (show_combined if "parts" in answer else show_facts_and_found)(str(file), answer)
+        if summary is not None:
+            print(summary_text("summary", summary))
 
 
 @app.command()
