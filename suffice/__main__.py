@@ -208,6 +208,7 @@ def select(
     json: Json = None,
 ) -> None:
     """Decide for each variable which snapshot interval Δτ suffices: R_c, n_lr, n_c and K_f."""
+    from suffice.doubts import warn_of_verdicts
     from suffice.partial import Asked, select_partial
     from suffice.ranks import shared_rows
     from suffice.run import Run
@@ -224,6 +225,8 @@ def select(
             answer = select_json(run, select_run(run, variables, steps, changed, advance, ranks))
         else:
             answer = select_partial(run, asked, variables, steps, changed, advance, ranks)
+    if ranks.rank == 0:
+        warn_of_verdicts(context.obj, answer["variables"])
     if ranks.rank == 0 and tell(answer, json):
         (show_selection if asked == Asked() else show_partial)(answer)
 

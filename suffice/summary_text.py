@@ -17,7 +17,7 @@ class Shown(NamedTuple):
 GUARDS = {
     "overlap": Shown("overlap", "% of the radius", 100.0),
     "speed": Shown("particle speed", "m/s"),
-    "courant": Shown("Courant number", "cells a step"),
+    "courant": Shown("Courant number", "cells per step"),
     "momentum": Shown("fluid momentum", "tolerances"),
     "continuity": Shown("fluid continuity", "tolerances"),
 }
@@ -83,7 +83,7 @@ def guard_text(name: str, guard: Guard) -> str:
     limit = "no limit"
     if guard.limit is not None:
         unit = guard.unit.split()[0] if scale != 1.0 else guard.unit
-        limit = f"{percent(guard.largest, guard.limit)} of the limit, {number(scale * guard.limit)} {unit}"
+        limit = f"{percent(guard.largest, guard.limit)} of the limit of {number(scale * guard.limit)} {unit}"
     return f"{largest} at {seconds_text(guard.at)}, {limit}"
 
 
@@ -95,9 +95,9 @@ def _lists_text(lists: Lists) -> str:
 def clamp_text(clamp: Clamp) -> str:
     """Say how often something was held at a bound."""
     if not clamp.count:
-        return f"never at its bound {number(clamp.bound)}"
+        return f"never at its bound of {number(clamp.bound)}"
     share = percent(clamp.count, clamp.of)
-    return f"held at its bound {number(clamp.bound)} {clamp.count:,} times, {share} of the looks at a cell"
+    return f"{clamp.count:,} times held at its bound of {number(clamp.bound)}, {share} of the looks at a cell"
 
 
 def percent(part: float | None, whole: float | None) -> str:
