@@ -47,9 +47,8 @@ def write_report(results: Results, path: str | Path) -> None:
     `compare` answers, with a list of what `compare_beyond` does in `beyond`), `observables` (a list, as
     `compare_observables` answers), `unseen` (as `compare_unseen`), `omissions` (as `compare_omissions`), `paper` (as
     `paper_of`) with `cases` (a list, of each case what there is of these), `one_step` (as `full_size.measure`),
-    `player` (a `Player`), `stages`, `told` (summaries of runs by name), `series` with its `times`, `provenance`; any may
-    be missing, its section is then
-    left out. Everything shown is escaped; the page loads nothing.
+    `player` (a `Player`), `stages`, `told` (summaries of runs by name), `series` with its `times`, `provenance`; any
+    may be missing, its section is then left out. Everything shown is escaped; the page loads nothing.
     Raises `Refusal` when the page cannot be written.
     """
     page, target = render(results), Path(path)
