@@ -31,7 +31,7 @@ class Logbook:
     """Sums up a run, from its beginning even where it was interrupted: `state` goes into the checkpoint."""
 
     def __init__(self) -> None:
-        self.seconds = self.compiling = 0.0  # s, stepping and writing without what compiling took, and that
+        self.seconds = self.compiling = 0.0  # s, of stepping and writing; of compiling and loading kernels
         self.warned = Warned()  # of the parts of the run that came before
         self.put_in = 0.0  # J, most that start, walls, fluid and weight had given by any snapshot
         self.start = self.moving = self.potential = np.nan  # J, of the first snapshot: balance, motion, potential
@@ -39,11 +39,11 @@ class Logbook:
 
     @contextmanager
     def timing(self) -> Iterator[None]:
-        """Count the seconds of the block, those of compiling apart."""
+        """Count the seconds of the block, those of compiling kernels, or of loading them, apart."""
         timer: Any = event.TimingListener  # numba has no types
         compiling, began = timer(), perf_counter()
         try:
-            with event.install_listener("numba:compile", compiling):
+            with event.install_listener("numba:compiler_lock", compiling):
                 yield
         finally:
             compiled = compiling.duration if compiling.done else 0.0

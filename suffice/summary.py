@@ -20,7 +20,7 @@ class Part(BaseModel):
 
 
 class Pace(Part):
-    """Speed of a run on the machine that made it, without what compiling took; flows of a fluid alone have cells."""
+    """Speed of a run on the machine that made it, without compiling and loading; flows of a fluid alone have cells."""
 
     seconds: float
     compiling_seconds: float

@@ -55,7 +55,11 @@ def _pace_text(summary: Summary, pace: Pace) -> str:
         steps += f" ({summary.fluid_steps:,} of the fluid)" if own else " of the fluid"
     of = {"particle": pace.particle_steps_per_second, "cell": pace.cell_steps_per_second}
     work = "".join(f", {value / 1e6:.3g} million {name}-steps/s" for name, value in of.items() if value is not None)
-    compiled = f"; compiling took {seconds_text(pace.compiling_seconds)} more" if pace.compiling_seconds >= 0.5 else ""
+    compiled = (
+        f"; compiling and loading took {seconds_text(pace.compiling_seconds)} more"
+        if pace.compiling_seconds >= 0.5
+        else ""
+    )
     return (
         f"{steps} in {seconds_text(pace.seconds)}: {plain_number(pace.steps_per_second)} steps/s{work}, "
         f"{plain_number(pace.simulated_ms_per_minute)} ms simulated a minute{compiled}"
