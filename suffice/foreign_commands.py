@@ -46,6 +46,7 @@ def import_(
     for found in made.warnings:
         context.obj.warn("particles jump", found)
     answer = {**made._asdict(), "path": str(made.path), "times": [float(made.times[0]), float(made.times[-1])]}
+    del answer["warnings"]  # they are among the notes
     if tell(answer, json):
         show_facts(str(output), answer)
 

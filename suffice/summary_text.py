@@ -29,7 +29,7 @@ def summary_rows(summary: Summary) -> list[tuple[str, str]]:
     """Return the names and texts of a summary's lines, those that its scene has."""
     rows = [] if summary.pace is None else [("speed", _pace_text(summary, summary.pace))]
     if summary.energy is not None:
-        rows.append(("energy", _energy_text(summary.energy)))
+        rows.append(("energy", energy_text(summary.energy)))
     names = sorted(summary.guards, key=[*GUARDS, *summary.guards].index)
     rows += [(guard_name(name), guard_text(name, summary.guards[name])) for name in names]
     if summary.neighbours is not None:
@@ -37,6 +37,22 @@ def summary_rows(summary: Summary) -> list[tuple[str, str]]:
     rows += [(name, clamp_text(found)) for name, found in summary.clamps.items()]
     total = sum(found.count for found in summary.warnings.values())
     return [*rows, ("warnings", f"{total:,}" if total else "none")]
+
+
+def summary_figures(summary: Summary) -> dict[str, str]:
+    """Return one figure for each of these lines, to stand beside those of other runs.
+
+    Of a guard it is the share of its limit, of the energy what is missed at most of that put in, of the neighbours the
+    mean steps between lists, of what is clamped how often.
+    """
+    shown = {} if summary.pace is None else {"speed": f"{plain_number(summary.pace.steps_per_second)} steps/s"}
+    if summary.energy is not None:
+        shown["energy"] = percent(summary.energy.largest_residual, summary.energy.put_in)
+    shown |= {guard_name(name): percent(found.largest, found.limit) for name, found in summary.guards.items()}
+    if summary.neighbours is not None:
+        shown["neighbours"] = f"{number(summary.neighbours.mean_steps)} steps"
+    shown |= {name: f"{found.count:,} times" for name, found in summary.clamps.items()}
+    return {name: shown.get(name, text) for name, text in summary_rows(summary)}
 
 
 def summary_text(title: str, summary: Summary) -> str:
@@ -66,7 +82,8 @@ def _pace_text(summary: Summary, pace: Pace) -> str:
     )
 
 
-def _energy_text(energy: Energy) -> str:
+def energy_text(energy: Energy) -> str:
+    """Say what the energy ledger misses."""
     share = percent(energy.residual, energy.put_in)
     most = percent(energy.largest_residual, energy.put_in)
     return (

@@ -5,10 +5,15 @@ from typing import Any
 
 from suffice.section import Section
 from suffice.summary import Summary
-from suffice.summary_text import OUTCOMES, summary_rows
+from suffice.summary_text import OUTCOMES, summary_figures, summary_rows
 from suffice.wording import escape, seconds_text
 
 Results = Mapping[str, Any]
+SEVERAL = (
+    '<p class="quiet">Energy: the most that its ledger missed, of what was put in. Overlap, speed, Courant number and '
+    "what the solvers of the fluid left: the largest value, of the limit that stops a run. Neighbours: steps between "
+    "lists. <code>suffice info</code> says more of each run.</p>"
+)
 
 
 def told_section(results: Results) -> Section | None:
@@ -22,19 +27,20 @@ def told_section(results: Results) -> Section | None:
         return None
     warned = list(_warnings(told, stages))
     text = '<p class="quiet">No stage has warned of anything.</p>' if not warned else _table(
-        ("stage", "warning", "times", "the first of them"), warned, "plain words"
+        ("stage", "warning", "times", "the first of them"), warned, "plain wrapped"
     )  # fmt: skip
     return Section("What the runs tell about themselves", _figures(told) + text)
 
 
 def _figures(told: Mapping[str, Summary]) -> str:
-    """Return the lines of every summary as rows, the runs as columns."""
+    """Return the lines of a summary as rows; of several runs a figure of each line, the runs as columns."""
     if not told:
         return ""
-    columns = {name: {"ended": _ended(found), **dict(summary_rows(found))} for name, found in told.items()}
-    names = dict.fromkeys(name for lines in columns.values() for name in lines)
-    rows = [(name, *(lines.get(name, "–") for lines in columns.values())) for name in names]
-    return _table(("", *columns), rows, "plain wrapped")
+    lines = summary_figures if len(told) > 1 else lambda found: dict(summary_rows(found))
+    columns = {name: {"ended": _ended(found), **lines(found)} for name, found in told.items()}
+    names = dict.fromkeys(name for column in columns.values() for name in column)
+    rows = [(name, *(column.get(name, "–") for column in columns.values())) for name in names]
+    return (SEVERAL if len(told) > 1 else "") + _table(("", *columns), rows, "plain wrapped")
 
 
 def _ended(found: Summary) -> str:

@@ -2,6 +2,7 @@
 
 import json
 import warnings
+from shutil import copyfile
 
 import h5py
 import numpy as np
@@ -15,7 +16,7 @@ from suffice.report import render
 from suffice.run import Run
 from suffice.simulating import simulate_to
 from suffice.summary import Summary, read_summary
-from suffice.summary_text import summary_text
+from suffice.summary_text import percent, summary_text
 
 EVIL = "</script><img src=x onerror=alert(1)>"
 
@@ -27,16 +28,23 @@ def summed_up(text, folder, reporter=None, until=None):
         return answer["summary"], read_summary(run), run.series
 
 
-def test_the_largest_overlap_is_that_of_every_step_and_not_of_the_snapshots_alone(beads, tmp_path):
-    told, _, series = summed_up(beads, tmp_path)
+@pytest.fixture(scope="module")
+def whole(beads, tmp_path_factory):
+    """One run of the beads: its file, and what it told."""
+    folder = tmp_path_factory.mktemp("whole")
+    return folder / "run.h5", summed_up(beads, folder)
+
+
+def test_the_largest_overlap_is_that_of_every_step_and_not_of_the_snapshots_alone(beads, whole):
+    told, _, series = whole[1]
     alone = Simulation(parse_scene(beads))
     alone.advance_to(told["steps"])
     assert told["guards"]["overlap"]["largest"] == alone.tally[:, 1].max() > 1.1 * series["max_overlap"].max()
     assert told["guards"]["overlap"]["share"] == told["guards"]["overlap"]["largest"] / 0.1
 
 
-def test_what_was_put_in_is_what_moves_is_sprung_was_lifted_or_lost(beads, tmp_path):
-    told, _, series = summed_up(beads, tmp_path)
+def test_what_was_put_in_is_what_moves_is_sprung_was_lifted_or_lost(whole):
+    told, _, series = whole[1]
     energy = {name.removeprefix("energy."): values for name, values in series.items() if name.startswith("energy.")}
     missing = energy["balance"] - energy["balance"][0]
     assert energy["wall_work"].min() >= 0.0
@@ -92,13 +100,26 @@ def test_void_fractions_held_at_their_bound_are_counted_and_warned_of(tmp_path):
     assert all(told["guards"][guard]["share"] <= 1.0 for guard in ("momentum", "continuity"))
 
 
-def test_a_limit_that_was_nearly_reached_is_warned_of(beads, tmp_path):
-    _, before, _ = summed_up(beads, tmp_path)
+def test_a_limit_that_was_nearly_reached_is_warned_of(beads, whole, tmp_path):
+    _, before, _ = whole[1]
     limit = before.guards["overlap"].largest / 0.95
     _, after, _ = summed_up(f"{beads}\n[limits]\nmax_overlap = {limit}\n", tmp_path)
     assert before.warnings == {}
     assert list(after.warnings) == ["near a limit"]
     assert "overlap" in after.warnings["near a limit"].first
+
+
+def test_a_run_that_gains_energy_from_nowhere_warns_of_it(beads, tmp_path, monkeypatch):
+    series = Simulation.series
+
+    def leaking(run):
+        found = series(run)
+        return found | {"energy.balance": found["energy.balance"] + 1e-3 * run.time}
+
+    monkeypatch.setattr(Simulation, "series", leaking)
+    told, stored, _ = summed_up(beads, tmp_path)
+    assert told["energy"]["residual"] == pytest.approx(2e-5, rel=1e-2)
+    assert "energy does not balance" in stored.warnings
 
 
 def test_warnings_of_libraries_are_said_once_and_counted(capsys):
@@ -135,14 +156,16 @@ def test_the_report_shows_every_warning_with_its_count_and_nothing_in_it_is_mark
     assert "1,234" in section
     assert "<td>select</td><td>undecidable</td><td>7</td><td>x</td>" in section
     assert EVIL not in page
+    several = render({"told": {"a.h5": told, "b.h5": told}})
+    assert several.count(f"<td>{percent(told['guards']['overlap']['share'], 1.0)}</td>") == 2
     quiet = render({"stages": [{**stages[0], "warnings": {}}]})
     assert "No stage has warned of anything." in quiet
     assert "What the runs tell" not in render({"stages": [{"name": "select", "seconds": 1.0, "detail": ""}]})
 
 
 @pytest.mark.parametrize("text", [b"no", b"[]", b'{"outcome": "done"}', b"\xff\xfe"])
-def test_a_damaged_summary_is_refused(beads, tmp_path, text):
-    summed_up(beads, tmp_path)
+def test_a_damaged_summary_is_refused(whole, tmp_path, text):
+    copyfile(whole[0], tmp_path / "run.h5")
     with h5py.File(tmp_path / "run.h5", "r+") as file:
         file[layout.SUMMARY][()] = np.bytes_(text)
     with Run(tmp_path / "run.h5") as run, pytest.raises(Refusal, match="is damaged"):
