@@ -101,11 +101,11 @@ def plain(value: Any) -> Any:
 
 
 def arrays_of(path: Path) -> dict[str, Any]:
-    """Return a digest of every dataset of an HDF5 file, but for when, and of which revision, it was made."""
+    """Return a digest of every dataset of an HDF5 file, but for when, how fast, and of which revision, it was made."""
     found: dict[str, Any] = {}
 
     def note(name: str, node: Any) -> None:
-        if isinstance(node, h5py.Dataset) and not name.endswith(("/made", "/git")):
+        if isinstance(node, h5py.Dataset) and not name.endswith(("/made", "/git", "/pace")):
             told = name == "suffice/card"
             found[name] = plain(json.loads(bytes(node[()]))) if told else digest(node[()])
 
@@ -237,7 +237,7 @@ def write_dump(path: Path, snapshots: int = 300, n: int = 100) -> None:
 def reported(said: str) -> int:
     """Return how many snapshots a simulation has reported as done."""
     lines = [json.loads(line) for line in said.splitlines() if line.startswith("{") and line.endswith("}")]
-    return max((line["done"] for line in lines), default=0)
+    return max((line.get("done", 0) for line in lines), default=0)
 
 
 def often() -> None:

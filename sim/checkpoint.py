@@ -13,14 +13,14 @@ TUPLES = ("particles", "listed", "near")
 ARRAYS = ("seen", "wrench", "spring", "wall_spring", "listed_at", "tally", "body_tally", "reported",
     "impacts", "wall_impacts", "reported_impacts",
 )  # fmt: skip
-NUMBERS = ("step", "listed_step", "wall_speed", "skin")
+NUMBERS = ("step", "listed_step", "rebuilds", "wall_speed", "skin")
 
 
 def state_of(run: AnyRun) -> dict[str, NDArray[Any]]:
     """Return copies of all arrays and numbers of a run, by name; absent terms have no entry."""
     if not isinstance(run, Simulation):
-        return {"step": np.asarray(run.step)} | run.fluid_state()
-    state = run.fluid_state()
+        return {"step": np.asarray(run.step)} | run.guards.state() | run.fluid_state()
+    state = run.guards.state() | run.fluid_state()
     state |= {name: np.asarray(getattr(run, name)) for name in NUMBERS}
     for name in TUPLES:
         for field, rows in getattr(run, name)._asdict().items():
@@ -36,10 +36,11 @@ def restore_(run: AnyRun, state: dict[str, NDArray[Any]]) -> None:
     Walls need no entry: their pose is a function of time. Raises KeyError where the state is of another kind of scene.
     """
     run.step = int(state["step"])
+    run.guards.restore_(state)
     if not isinstance(run, Simulation):
         run.restore_fluid_(state)
         return
-    run.listed_step = int(state["listed_step"])
+    run.listed_step, run.rebuilds = int(state["listed_step"]), int(state["rebuilds"])
     run.wall_speed, run.skin = float(state["wall_speed"]), float(state["skin"])
     for name in TUPLES:
         fields = getattr(run, name)._asdict()

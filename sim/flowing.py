@@ -7,6 +7,7 @@ import numpy as np
 from sim.assembly import walls_of
 from sim.fluid_series import fluid_series
 from sim.fluid_side import FluidSide
+from sim.guards import Guards
 from sim.scene import Scene
 from sim.state import Particles, Snapshot
 from sim.timestep import snapshots_in
@@ -18,7 +19,7 @@ class FlowSimulation(FluidSide):
     """State of a run between two steps of the fluid; its steps are what an output interval is divided into."""
 
     def __init__(self, scene: Scene) -> None:
-        self.scene, self.walls = scene, walls_of(scene)
+        self.scene, self.walls, self.guards = scene, walls_of(scene), Guards()
         self._make_fluid(scene, self.walls)
         self.steps_per_snapshot = ceil(scene.output.interval / self.table.step - 1e-9) if self.table.step else TICKS
         self.dt = scene.output.interval / self.steps_per_snapshot

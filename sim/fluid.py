@@ -16,6 +16,7 @@ from sim.errors import LimitError
 from sim.flow import FluidTable
 from sim.fluid_energy import TERMS, Exchange, account_
 from sim.grid import Grid, along, cells_of, faces_of, frame_of
+from sim.guards import Guards, in_tolerances
 from sim.immersed import Immersed
 from sim.kernel import Array
 from sim.predictor import predict_, stiffness
@@ -24,6 +25,7 @@ from sim.viscosity import fill_friction
 
 VELOCITY_TOLERANCE = 1e-10  # of the largest velocity
 DIVERGENCE_TOLERANCE = 1e-8  # of the largest velocity over the smallest spacing
+WORST_MOMENTUM, WORST_CONTINUITY = 1e3, 10.0  # times these tolerances: what stops a run
 
 
 class StepReport(NamedTuple):
@@ -38,8 +40,11 @@ class StepReport(NamedTuple):
 class Fluid:
     """State of the fluid and the arrays of its step."""
 
-    def __init__(self, table: FluidTable, grid: Grid, immersed: Immersed | None = None) -> None:
+    def __init__(
+        self, table: FluidTable, grid: Grid, immersed: Immersed | None = None, guards: Guards | None = None
+    ) -> None:
         self.table, self.grid, self.immersed = table, grid, immersed
+        self.guards = Guards() if guards is None else guards  # a run has its own
         self.frame, self.borders = frame_of(grid), borders_of(table, grid.periodic)
         self.first = np.array([[int(a == b and not grid.periodic[a]) for b in range(3)] for a in range(3)])
         self.velocity = np.zeros((3, grid.size))  # m/s, on faces
@@ -108,7 +113,9 @@ class Fluid:
             self.velocity, self.target, inside, diagonal, lambda u, moving: self._rub(u, void, moving),
             VELOCITY_TOLERANCE * scale,
         )  # fmt: skip
-        if found.error > 1e3 * VELOCITY_TOLERANCE * scale:
+        left = in_tolerances(found.error, VELOCITY_TOLERANCE * scale)
+        self.guards.note_("momentum", left, WORST_MOMENTUM, time)
+        if left > WORST_MOMENTUM:
             raise LimitError(
                 f"velocity of the fluid has not converged at t = {time:.6g} s ({found.error:.3g} m/s after "
                 f"{found.iterations} iterations); lower fluid.step or fluid.viscosity"
@@ -203,7 +210,9 @@ class Fluid:
         scale = max(float(np.abs(self.velocity).max()) / min(self.grid.spacing), 1e-3 * float(np.abs(wanted).max()))
         change = np.zeros_like(wanted)
         solved = self.solver.solve_(change, wanted, DIVERGENCE_TOLERANCE * scale)
-        if solved.residual > 10.0 * DIVERGENCE_TOLERANCE * scale:
+        left = in_tolerances(solved.residual, DIVERGENCE_TOLERANCE * scale)
+        self.guards.note_("continuity", left, WORST_CONTINUITY, time)
+        if left > WORST_CONTINUITY:
             raise LimitError(
                 f"pressure of the fluid has not converged at t = {time:.6g} s: ∂ε/∂t + ∇·(εu) is still "
                 f"{solved.residual:.3g} 1/s in a cell; lower fluid.step"

@@ -12,6 +12,7 @@ from sim.errors import InputError, LimitError
 from sim.flow import FluidTable
 from sim.fluid import Fluid
 from sim.grid import cells_of, grid_of
+from sim.guards import Guards
 from sim.immersed import Immersed
 from sim.kernel import Array
 from sim.motion import Bodies, move_bodies
@@ -51,6 +52,7 @@ class FluidSide:
     dt: float  # s, step of the run
     step: int
     steps_per_snapshot: int
+    guards: Guards
     coupling: Coupling | None = None
 
     def _make_fluid(self, scene: Scene, walls: Bodies | None) -> None:
@@ -61,7 +63,7 @@ class FluidSide:
         if walls is not None and any(wall.immersed for wall in scene.walls):
             check_solid(scene, walls)
             immersed = Immersed(walls, [wall.immersed for wall in scene.walls], grid)
-        self.fluid = Fluid(self.table, grid, immersed)
+        self.fluid = Fluid(self.table, grid, immersed, self.guards)
         self.fluid_steps = 0
         self.reported_fluid = np.zeros((len(scene.walls), 7))
 
@@ -110,6 +112,7 @@ class FluidSide:
     def _check_courant(self, dt: float, time: float) -> None:
         """Stop where the fluid has crossed more than a cell in a step (LimitError)."""
         courant = self.fluid.courant(dt)
+        self.guards.note_("courant", courant, LARGEST_COURANT, time)
         if not courant <= LARGEST_COURANT:
             raise LimitError(
                 f"the fluid crosses {courant:.3g} cells in a step of {dt:.3g} s at t = {time:.6g} s "

@@ -14,6 +14,7 @@ from sim.diagnostics import diagnostics
 from sim.energy import Ledger, kinetic_energy, pair_elastic_energy, rotational_energy, wall_elastic_energy
 from sim.errors import LimitError
 from sim.gravity import potential_energy
+from sim.guards import Guards
 from sim.kernel import Array, threads_for
 from sim.near_walls import no_near_walls, rebuilt_near_walls
 from sim.neighbors import empty_neighbors, rebuilt_neighbors
@@ -41,6 +42,7 @@ class Simulation:
         self.snapshots = snapshots_in(scene)
         self.gravity = scene.gravity.acceleration if scene.gravity else None
         self.seconds = {"lists": 0.0}  # what parts of the run took; contact and motion are the rest
+        self.guards, self.rebuilds = Guards(), 0  # lists of neighbours made after the first
         self.suspended: Suspended | None = None  # what a fluid does to the particles; see sim/coupled.py
         self.pair_law, self.pair_laws, self.wall_laws = law_of(scene.contact), laws_of(scene), laws_of_walls(scene)
         self.pairs_roll = True if scene.pairs_roll else None
@@ -123,6 +125,7 @@ class Simulation:
                     self.step += 1  # positions and walls already stand at the next step
                     self.skin = self.skin_for(closer / (self.step - self.listed_step))
                     self.rebuild()
+                    self.rebuilds += 1
                     self.step -= 1
                 self._check_overlap()
 
@@ -254,6 +257,7 @@ class Simulation:
         speed = np.sqrt(np.einsum("ij,ij->i", velocity, velocity))
         row = int(np.argmax(speed))
         limit = self.scene.limits.max_speed or 0.1 * float(self.particles.radius.min()) / self.dt
+        self.guards.note_("speed", speed[row], limit, self.time)
         if speed[row] > limit:
             raise self._stopped(
                 row,
@@ -263,7 +267,9 @@ class Simulation:
 
     def _check_overlap(self) -> None:
         limit = self.scene.limits.max_overlap
-        if float(self.tally[:, 1].max()) <= limit:
+        deepest = float(self.tally[:, 1].max())
+        self.guards.note_("overlap", deepest, limit, self.time)
+        if deepest <= limit:
             return
         p = self.particles
         overlap, row, other = deepest_pair(p.position, p.radius, self.listed)

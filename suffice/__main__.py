@@ -40,6 +40,7 @@ def common(
 ) -> None:
     """Take the options that all commands share."""
     context.obj = Reporter(as_json=log_json)
+    context.with_resource(context.obj.hearing())
     hear_what_is_dropped()
 
 
@@ -144,14 +145,21 @@ def info(
     from suffice.model import read_model_card
     from suffice.results import facts_of
     from suffice.run import Run
+    from suffice.summary import read_summary
+    from suffice.summary_text import summary_text
     from suffice.tables import show_combined, show_facts_and_found
 
+    summary = None
     answer = (read_model_card(file) or read_combined_card(file)) if file.is_dir() else read_card(file)
     if answer is None:
         with Run(file) as run:
             answer = {**facts_of(run), "series": sorted(run.series), **impact_facts(run), **run.provenance, **run.found}
+            summary = read_summary(run)
+        answer |= {} if summary is None else {"summary": summary.as_dict()}
     if tell(answer, json):
         (show_combined if "parts" in answer else show_facts_and_found)(str(file), answer)
+        if summary is not None:
+            print(summary_text("summary", summary))
 
 
 @app.command()
@@ -200,6 +208,7 @@ def select(
     json: Json = None,
 ) -> None:
     """Decide for each variable which snapshot interval Δτ suffices: R_c, n_lr, n_c and K_f."""
+    from suffice.doubts import warn_of_verdicts
     from suffice.partial import Asked, select_partial
     from suffice.ranks import shared_rows
     from suffice.run import Run
@@ -216,6 +225,8 @@ def select(
             answer = select_json(run, select_run(run, variables, steps, changed, advance, ranks))
         else:
             answer = select_partial(run, asked, variables, steps, changed, advance, ranks)
+    if ranks.rank == 0:
+        warn_of_verdicts(context.obj, answer["variables"])
     if ranks.rank == 0 and tell(answer, json):
         (show_selection if asked == Asked() else show_partial)(answer)
 

@@ -209,7 +209,8 @@ def _over_seeds(ones: Sequence[Reconstruction], floor: Array, place: Place) -> d
     if not ones[0].remark:
         return {}
     errors = [float(one.errors.mean()) for one in ones]
-    mean, least, found = sum(errors) / len(errors), float(floor.mean()), {"remark": ones[0].remark, "seeds": errors}
+    mean, least, early = sum(errors) / len(errors), float(floor.mean()), any(one.early for one in ones)
+    found = {"remark": ones[0].remark, "early": early, "seeds": errors}
     in_diameters = mean / place.diameter if place.diameter is not None and place.unit == "m" else None
     ratio = mean / least if least > 0 else None
     return found | {"rmse": mean, "rmse_diameters": in_diameters, "ratio_to_floor": ratio}

@@ -43,7 +43,10 @@ def import_(
             precision="double" if double else "single",
             progress=advance,
         )
+    for found in made.warnings:
+        context.obj.warn("particles jump", found)
     answer = {**made._asdict(), "path": str(made.path), "times": [float(made.times[0]), float(made.times[-1])]}
+    del answer["warnings"]  # they are among the notes
     if tell(answer, json):
         show_facts(str(output), answer)
 

@@ -152,6 +152,7 @@ def _running(case: Case, scene: str, home: Path, reporter: Reporter) -> Stage:
             if not case.left_out:
                 raise
             write_json({"refused": str(error)}, str(case.cost))
+            reporter.warn("variant refused", f"{case.name}: {error}")
             return f"refused: {error}"
         own = {"predicted_seconds": predicted, "processor_seconds": process_time() - began}
         write_json({**read_json(case.cost), **own}, str(case.cost))

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from suffice.changes import changed_text
 from suffice.compare import known_surrogates
 from suffice.door import write_json
+from suffice.doubts import warn_of_comparisons, warn_of_verdicts
 from suffice.paper import paper_of
 from suffice.paper_measures import Wish, measure_case
 from suffice.progress import Reporter
@@ -102,6 +103,7 @@ def _selecting(case: Case, wish: Cases, reporter: Reporter) -> Stage:
             table = select_run(run, None, wish.intervals, None, advance)
             answer = {"select": select_json(run, table), "curves": select_curves(table)}
         write_json(answer, str(case.selection))
+        warn_of_verdicts(reporter, answer["select"]["variables"])
         chosen = table[wish.variable].chosen_interval
         return f"{len(table)} variables; {wish.variable}: " + (
             "no Δτ suffices" if chosen is None else f"Δτ = {chosen:g} s suffices"
@@ -116,6 +118,7 @@ def _measuring(case: Case, wish: Wish, settings: list[Any], reporter: Reporter) 
         with Run(case.run) as run, reporter.stage("measure", "cases") as advance:
             answer = measure_case(run, wish, judged, advance)
         write_json(answer, str(case.measured))
+        warn_of_comparisons(reporter, answer["compare"])
         return f"{len(answer['compare']['rows'])} surrogates trained and measured"
 
     return Stage(f"measure {case.name}", settings, (case.measured,), make)

@@ -1,10 +1,15 @@
-"""How far a long command is, how fast, and how long it will take."""
+"""How far a long command is, how fast, how long it will take, and what it warns of."""
 
 import json
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from suffice.warned import Warned
 
 Advance = Callable[[int, int], None]  # (done, all)
 SECONDS_BETWEEN_LINES = 1.0
@@ -12,10 +17,44 @@ SECONDS_BETWEEN_NOTES = 60.0  # in a file, for who looks into it now and then
 
 
 class Reporter:
-    """Shows stages on standard error: as bars, as a line a minute in a file, or as lines of JSON for other programs."""
+    """Shows stages on standard error: as bars, as a line a minute in a file, or as lines of JSON for other programs.
+
+    `warned` holds the warnings that nobody has taken yet.
+    """
 
     def __init__(self, as_json: bool = False) -> None:
         self.as_json = as_json
+        self.warned = Warned()
+
+    def warn(self, kind: str, text: str, times: int = 1) -> None:
+        """Count a warning; the first of its kind is said."""
+        if self.warned.add(kind, text, times):
+            self.tell({"warning": kind, "text": text, "count": times}, f"warning: {kind}: {text}")
+
+    def tell(self, line: dict[str, Any], text: str) -> None:
+        """Say something beside the progress, to programs as a line of JSON, to people as a text."""
+        print(json.dumps(line) if self.as_json else text, file=sys.stderr, flush=True)
+
+    @contextmanager
+    def hearing(self) -> Iterator[None]:
+        """Count the warnings of libraries as well while the block runs, and tell the counts at its end.
+
+        What filters raise or ignore stays raised or ignored; of the rest Python would say only the first of each place.
+        """
+
+        def hear(message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: object) -> None:
+            self.warn(category.__name__, f"{message} ({Path(filename).name}, line {lineno})")
+
+        python: Any = warnings  # whose types forbid what its manual advises
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", append=True)
+            python.showwarning = hear
+            try:
+                yield
+            finally:
+                for kind, found in self.warned.taken().items():
+                    if found.times > 1:
+                        self.tell({"warning": kind, "count": found.times}, f"warning: {kind}: {found.times} in all")
 
     @contextmanager
     def stage(self, name: str, unit: str, work: float = 1.0) -> Iterator[Advance]:

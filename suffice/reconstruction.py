@@ -58,6 +58,7 @@ class Reconstruction(NamedTuple):
     storage_bytes: int  # everything that must be kept to answer
     remark: str = ""  # how the training of a network ended
     finer_modes: int = 0  # leading modes that are kept in a finer precision, because rounding them would show
+    early: bool = False  # the training of a network ended before it was done, or it had nothing to learn
 
 
 def reduce(case: Case, energy: float) -> Reduced:
@@ -146,6 +147,7 @@ def modal(
                 model_bytes(rows, n, precision, leading) + size,
                 training_remark(surrogate),
                 leading,
+                ended_early(surrogate),
             )
         )
     return found
@@ -157,6 +159,13 @@ def training_remark(surrogate: Surrogate) -> str:
         return ""
     ends = [f"step {done.best_step} of {done.steps} kept, {done.reason}" for done in surrogate.trainings_]
     return "; ".join(ends) or "nothing to learn, or too few snapshots to learn it from"
+
+
+def ended_early(surrogate: Surrogate) -> bool:
+    """Tell whether a network had nothing to learn, or some training of it stopped before it was done."""
+    if not isinstance(surrogate, Network):
+        return False
+    return not surrogate.trainings_ or any(done.early for done in surrogate.trainings_)
 
 
 def consistent_level(reduced: Reduced, case: Case, limit: float) -> int:

@@ -13,12 +13,16 @@ from sim.checkpoint import restore_, state_of
 from sim.state import Snapshot
 from suffice import layout
 from suffice.in_situ import InSitu
+from suffice.logbook import Logbook, summed_up
 from suffice.refusal import Refusal
 from suffice.run import Run
 from suffice.store import DTYPES, RunWriter
+from suffice.summary import Outcome, Summary
 from suffice.thinning import Thinning, compact, finest_halving
+from suffice.warned import Counted
 
 TEXT_BYTES = 2**14  # per variable, of what is found: nine candidates with their reasons take a quarter of it
+TOLD_BYTES = {layout.SUMMARY: 2**14, layout.PACE: 2**9}  # twenty warnings of three hundred characters fit in twice
 
 
 def values_of(snapshot: Snapshot) -> dict[str, NDArray[Any]]:
@@ -41,7 +45,8 @@ class Recorder:
 
     def __init__(self, simulation: AnyRun, writer: RunWriter, watch: InSitu | None, tolerance: float | None) -> None:
         self.simulation, self.writer, self.watch = simulation, writer, watch
-        self.seen = 0
+        self.seen, self.logbook = 0, Logbook()
+        self.told: dict[str, bytes] = {}  # the summary, once there is one, by its names in the file
         self.thinning: Thinning | None = None
         if tolerance is not None:
             output = simulation.scene.output
@@ -55,6 +60,10 @@ class Recorder:
 
     def advance(self) -> None:
         """Go on to the next output time and record it. Raises LimitError as the simulation does."""
+        with self.logbook.timing():
+            self._advance()
+
+    def _advance(self) -> None:
         steps = self.simulation.steps_per_snapshot
         start = (self.seen - 1) * steps
         parts = 1 if self.thinning is None else 1 << self.thinning.spacing.finest
@@ -69,6 +78,7 @@ class Recorder:
     def record(self, now: Snapshot) -> None:
         """Write and watch the moment of an output time."""
         values = self._keep(now)
+        self.logbook.see(now)
         if self.watch is not None:
             if self.thinning is not None:
                 self._put_history(now.time, values)
@@ -85,6 +95,9 @@ class Recorder:
 
     def reserve(self) -> None:
         """Make room in the file for what will be found, before its first snapshot."""
+        for name, size in TOLD_BYTES.items():
+            self.writer.reserve(name, (), np.dtype(f"S{size}"))
+            self.writer.put(name, np.bytes_(b""))
         if self.watch is None:
             return
         if self.thinning is None:
@@ -115,10 +128,22 @@ class Recorder:
         self.writer.close()
         with Run(self.writer.path) as run:
             found["kept"] = self.thinning.facts(run.times) | {"seen": self.seen}
-        compact(self.writer.path, json.dumps(found).encode(), {} if self.watch is None else self._products())
+        told = {name: np.array(text) for name, text in self.told.items()}
+        more = told if self.watch is None else told | self._products()
+        compact(self.writer.path, json.dumps(found).encode(), more)
         return found
 
-    def _products(self) -> dict[str, NDArray[np.float64]]:
+    def sum_up(self, outcome: Outcome, warned: Mapping[str, Counted]) -> Summary:
+        """Write what the run tells about itself into its file and return it; warned: what was warned of since then."""
+        summary = summed_up(self.simulation, self.logbook, warned, outcome)
+        assert summary.pace is not None
+        parts = {layout.SUMMARY: summary.model_copy(update={"pace": None}), layout.PACE: summary.pace}
+        self.told = {name: part.model_dump_json().encode() for name, part in parts.items()}
+        for name, text in self.told.items():
+            self.writer.put(name, np.bytes_(text))
+        return summary
+
+    def _products(self) -> dict[str, NDArray[Any]]:
         """Return the inner products of what was watched, and its times, by their names in the file."""
         assert self.watch is not None
         found = {f"{layout.PRODUCTS}/{name}": rows.gram() for name, rows in self.watch.snapshots.items()}
@@ -130,11 +155,11 @@ class Recorder:
         after = {} if self.watch is None else {"last_verdict": round(self.watch.seconds_after, 3)}
         return {"in_situ": round(sum(parts), 3), **after} if parts else {}
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return all that a run needs to go on bitwise, beside its file."""
+    def state(self, warned: Mapping[str, Counted]) -> dict[str, NDArray[Any]]:
+        """Return all that a run needs to go on bitwise, beside its file; warned: what was warned of since then."""
         self.writer.sync()
-        thinning = {} if self.thinning is None else self.thinning.state()
-        return state_of(self.simulation) | {"record.seen": np.asarray(self.seen)} | thinning
+        own = {"record.seen": np.asarray(self.seen)} | self.logbook.state(warned)
+        return state_of(self.simulation) | own | ({} if self.thinning is None else self.thinning.state())
 
     @classmethod
     def resume(
@@ -150,6 +175,9 @@ class Recorder:
                     times = past.times if tolerance is None else past.watched(layout.WATCHED_TIME)
                     watch.restore_(times[:seen], _history(past, watch, seen, thinned=tolerance is not None))
             self = cls(simulation, RunWriter.resume(path, kept), watch, tolerance)
+            self.logbook.restore_(state)
+            for name in TOLD_BYTES:  # what an interrupted run told is over
+                self.writer.put(name, np.bytes_(b""))
             if self.thinning is not None:
                 self.thinning.restore_(state)
         except KeyError as error:

@@ -24,6 +24,7 @@ from suffice.plots import (
 )
 from suffice.refusal import Refusal
 from suffice.section import Section
+from suffice.told_section import told_section
 from suffice.tradeoff_section import tradeoff_section
 from suffice.unseen_section import unseen_section
 from suffice.verdicts import feasibility_table, table_legend, verdict_items
@@ -46,8 +47,8 @@ def write_report(results: Results, path: str | Path) -> None:
     `compare` answers, with a list of what `compare_beyond` does in `beyond`), `observables` (a list, as
     `compare_observables` answers), `unseen` (as `compare_unseen`), `omissions` (as `compare_omissions`), `paper` (as
     `paper_of`) with `cases` (a list, of each case what there is of these), `one_step` (as `full_size.measure`),
-    `player` (a `Player`), `stages`, `series` with its `times`, `provenance`; any may be missing, its section is then
-    left out. Everything shown is escaped; the page loads nothing.
+    `player` (a `Player`), `stages`, `told` (summaries of runs by name), `series` with its `times`, `provenance`; any
+    may be missing, its section is then left out. Everything shown is escaped; the page loads nothing.
     Raises `Refusal` when the page cannot be written.
     """
     page, target = render(results), Path(path)
@@ -78,6 +79,7 @@ def render(results: Results) -> str:
         omissions_section,
         one_step_section,
         _ledger,
+        told_section,
         _stages,
         _provenance,
     )

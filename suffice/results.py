@@ -4,12 +4,14 @@ import json
 import os
 import platform
 import time
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from suffice.refusal import Refusal
 from suffice.run import Run
+from suffice.summary import read_summary
 from suffice.variables import mean_diameter
 
 RUN, SELECTION, COMPARISON, LOG = "run.h5", "select.json", "compare.json", "stages.json"
@@ -75,9 +77,33 @@ def gather(folder: Path, study: str) -> dict[str, Any]:
         results |= {"compare": comparison, "observables": comparison.get("observables", [])}
     if log:
         results["stages"] = [
-            {"name": name, "seconds": entry["seconds"], "detail": entry["detail"]} for name, entry in log.items()
+            {key: entry.get(key) for key in ("seconds", "detail", "warnings")} | {"name": name}
+            for name, entry in log.items()
         ]
+    results["told"] = _told(folder, _runs_of(results))
     return results
+
+
+def _runs_of(results: Mapping[str, Any]) -> list[str]:
+    """Return the names of the runs in a study's folder that its stages made."""
+    if "unseen" in results:
+        return [Path(run["path"]).name for run in results["unseen"]["runs"]]
+    if "omissions" in results:
+        return [Path(run).name for run in results["omissions"]["runs"]]
+    if "paper" in results:
+        return [case["run"] for case in results["paper"]["cases"]]
+    return [Path(results["one_step"]["source"]["run"]).name] if "one_step" in results else [RUN]
+
+
+def _told(folder: Path, runs: Sequence[str]) -> dict[str, Any]:
+    """Return by the names of runs what they told about themselves; of those that are there and did."""
+    found: dict[str, Any] = {}
+    for name in runs:
+        if (folder / name).exists():
+            with Run(folder / name) as run:
+                summary = read_summary(run)
+            found |= {} if summary is None else {name: summary.as_dict()}
+    return found
 
 
 def _of_case(folder: Path, k: int) -> dict[str, Any]:

@@ -114,10 +114,14 @@ class Run:
     def found(self) -> dict[str, Any]:
         """What `simulate` found on the way, as its --json writes it: `in_situ`, `kept`; empty until a run has ended."""
         with _refusing_damage(self.path):
-            if layout.hard_node(self._file, layout.FOUND) is None:
-                return {}
-            text = bytes(self._dataset(layout.FOUND)[()]).decode()
+            text = self.text(layout.FOUND)
             return dict(json.loads(text)) if text else {}
+
+    def text(self, name: str) -> str:
+        """Return a plain text by its name in `layout`, empty where there is none."""
+        with _refusing_damage(self.path):
+            found = layout.hard_node(self._file, name) is not None
+            return bytes(self._dataset(name)[()]).decode() if found else ""
 
     def watched(self, name: str) -> Any:
         """Return a dataset of what was watched in a thinned run, by its name in `layout`. Raises `Refusal` for none."""

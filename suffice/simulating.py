@@ -22,6 +22,8 @@ from suffice.recording import Recorder, values_of
 from suffice.refusal import Refusal
 from suffice.starting import read_start
 from suffice.store import Run, RunWriter, check_place
+from suffice.summary import Outcome, read_summary
+from suffice.summary_text import summary_text
 from suffice.thinning import finest_halving
 from suffice.watching import UNWATCHED, Watching, grid_of_file
 
@@ -81,11 +83,11 @@ def _simulate(
 ) -> dict[str, Any]:
     """Run a scene into a file that nobody else writes."""
     state = read_checkpoint(path) if resume else None
-    stands, found = _what_stands(path, text, scene, watching) if resume else (0, {})
+    stands, found, told = _what_stands(path, text, scene, watching) if resume else (0, {}, {})
     began = time.monotonic()
     simulation = simulation_of(scene, read_start(scene))
     if found or (watching == UNWATCHED and state is None and stands == simulation.snapshots):
-        return _cost(path, simulation, 0, time.monotonic() - began) | found
+        return _cost(path, simulation, 0, time.monotonic() - began) | found | told
     if state is None:
         record = _new_record(path, text, simulation, watching)
     else:
@@ -93,13 +95,27 @@ def _simulate(
         record = Recorder.resume(simulation, path, watch, tolerance, state)
     first = simulation.step
     with record.writer:
-        _run(record, path, reporter)
+        try:
+            _run(record, path, reporter)
+        except (LimitError, InterruptedRunError) as error:
+            _summed_up(record, "limit" if isinstance(error, LimitError) else "interrupted", reporter)
+            raise
         with asked_to_stop():  # there is nothing left to stop
+            told = _summed_up(record, "done", reporter)
             found = record.finish()
     remove_checkpoint(path)
     answer = _cost(path, simulation, simulation.step - first, time.monotonic() - began)
     answer["seconds_of"] |= record.seconds_of()
-    return answer | found
+    return answer | found | told
+
+
+def _summed_up(record: Recorder, outcome: Outcome, reporter: Reporter) -> dict[str, Any]:
+    """Tell and write what a run says about itself; return it in plain types, under its name in the answer."""
+    summary = record.sum_up(outcome, reporter.warned)
+    reporter.warned.clear()  # they are in the summary
+    answer = {"summary": summary.as_dict()}
+    reporter.tell({"stage": "simulate", **answer}, summary_text(str(record.writer.path), summary))
+    return answer
 
 
 def _cost(path: Path, simulation: AnyRun, steps: int, seconds: float) -> dict[str, Any]:
@@ -130,13 +146,17 @@ def use_threads(threads: int | None) -> None:
         numba.set_num_threads(threads)
 
 
-def _what_stands(path: Path, text: str, scene: Scene, watching: Watching) -> tuple[int, dict[str, Any]]:
-    """Return how many snapshots a run has, and what was found in it when it ended. Raises Refusal for another run."""
+def _what_stands(path: Path, text: str, scene: Scene, watching: Watching) -> tuple[int, dict[str, Any], dict[str, Any]]:
+    """Return how many snapshots a run has, and what was found in it and told when it ended.
+
+    Raises Refusal for another run.
+    """
     with Run(path) as past:
         other = made_otherwise(past, text, scene) or watching.differs(past)
         if other:
             raise Refusal(f"--resume: {path} was made with another {other}; give the same, or leave out --resume")
-        return past.n_snapshots, past.found
+        summary = read_summary(past)
+        return past.n_snapshots, past.found, {} if summary is None else {"summary": summary.as_dict()}
 
 
 def _names_in(path: Path) -> tuple[str, ...]:
@@ -186,7 +206,7 @@ def _run(record: Recorder, path: Path, reporter: Reporter) -> None:
                 raise LimitError(f"{error}; {path} keeps {record.writer.n_complete} snapshots") from None
             advance(record.seen, simulation.snapshots)
             if asked or time.monotonic() - saved > SECONDS_BETWEEN_CHECKPOINTS:
-                write_checkpoint(path, record.state())
+                write_checkpoint(path, record.state(reporter.warned))
                 saved = time.monotonic()
             if asked and not record.ended:
                 raise InterruptedRunError(

@@ -40,6 +40,8 @@ def reading_stage(source: Source, home: Path, run: Path, reporter: Reporter) -> 
                 maps=[f"{what}={name}" for what, name in source.map.items()],
                 progress=advance,
             )
+        for found in made.warnings:
+            reporter.warn("particles jump", found)
         return f"{made.n_particles} particles, {made.n_snapshots} snapshots read"
 
     stamps = [_stamp(path) for file in files for path in _behind(file)]

@@ -15,6 +15,7 @@ from suffice.refusal import Refusal
 from suffice.run import Run
 from suffice.simulating import changed_scene, simulate_to
 from suffice.starting import read_start, start_digest
+from suffice.wording import number
 
 
 class Settings(BaseModel):
@@ -60,8 +61,10 @@ def simulation_stage(
         cost = simulate_to(text, scene, run, reporter, seed=seed, resume=unfinished, home=beside)
         if cost_file is not None:
             write_json(cost, str(cost_file))
-        speed = cost["particle_steps_per_second"] / 1e6
-        return f"{cost['n_particles']} particles, {cost['steps']} steps, {speed:.1f} million particle-steps/s"
+        pace = cost["summary"]["pace"]
+        kind = "cell" if pace["particle_steps_per_second"] is None else "particle"
+        speed = f"{number(pace[f'{kind}_steps_per_second'] / 1e6)} million {kind}-steps/s"
+        return f"{cost['n_particles']} particles, {cost['summary']['steps']} steps, {speed}"
 
     start = read_start(setting)
     stamp = {} if start is None else {"start_digest": start_digest(start)}

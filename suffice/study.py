@@ -18,6 +18,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from suffice.comparing import Comparing, compare_as_wished
 from suffice.door import write_json
+from suffice.doubts import warn_of_comparisons, warn_of_verdicts
 from suffice.full_size import FullSize, full_size_stages
 from suffice.lock import only_writer
 from suffice.omissions import Omissions, omission_stages
@@ -124,12 +125,12 @@ def run_study(name_or_path: str, folder: Path | None, reporter: Reporter, say: C
     with only_writer(folder):
         for stage in stages:
             chain = _digest([chain, stage.name, stage.inputs])
-            _run_stage(stage, chain, folder, say)
+            _run_stage(stage, chain, folder, say, reporter)
     return folder / "report.html"
 
 
-def _run_stage(stage: Stage, digest: str, folder: Path, say: Callable[[str], None]) -> None:
-    """Run a stage unless its outputs stand and were made from the same inputs."""
+def _run_stage(stage: Stage, digest: str, folder: Path, say: Callable[[str], None], reporter: Reporter) -> None:
+    """Run a stage unless its outputs stand and were made from the same inputs; keep what it warned of."""
     log = read_json(folder / LOG) or {}
     done = log.pop(stage.name, {})
     if done.get("digest") == digest and done.get("outputs") == _stamps(stage.outputs):
@@ -141,9 +142,12 @@ def _run_stage(stage: Stage, digest: str, folder: Path, say: Callable[[str], Non
     seconds = round(time.monotonic() - began, 3)
     made = time.strftime("%Y-%m-%d %H:%M:%S")
     stamps = _stamps(stage.outputs)
+    warned = reporter.warned.taken()
     log[stage.name] = {"digest": digest, "outputs": stamps, "seconds": seconds, "detail": detail, "made": made}
+    log[stage.name]["warnings"] = warned.plain()
     write_json(log, str(folder / LOG))
-    say(f"{stage.name}: {detail}, {seconds:.1f} s")
+    several = f", {warned.count} warnings" if warned.count > 1 else ", 1 warning" if warned else ""
+    say(f"{stage.name}: {detail}, {seconds:.1f} s{several}")
 
 
 def _stamps(outputs: tuple[Path, ...]) -> list[list[int] | None]:
@@ -199,6 +203,7 @@ def _select(settings: Selecting, folder: Path, reporter: Reporter) -> str:
         table = select_run(run, settings.variables, settings.intervals, settings.thresholds, advance)
         answer = {"select": select_json(run, table), "curves": select_curves(table)}
     write_json(answer, str(folder / SELECTION))
+    warn_of_verdicts(reporter, answer["select"]["variables"])
     return f"{len(table)} variables, {len(next(iter(table.values())).candidates)} intervals each"
 
 
@@ -206,6 +211,7 @@ def _compare(study: Study, folder: Path, reporter: Reporter) -> str:
     with Run(folder / RUN) as run:
         answer = compare_as_wished(run, study.compare, study.seed or 0, reporter)
     write_json(answer, str(folder / COMPARISON))
+    warn_of_comparisons(reporter, answer, *answer["observables"], *answer["beyond"])
     return f"{len(answer['rows'])} surrogates trained and measured"
 
 

@@ -140,6 +140,7 @@ def _compare_between(
 ) -> None:
     from suffice.choice import parse_bytes, parse_error
     from suffice.compare import compare as compare_run
+    from suffice.doubts import warn_of_comparisons
     from suffice.run import Run
     from suffice.tables import show_comparison
 
@@ -149,6 +150,7 @@ def _compare_between(
     how |= {"max_error": error, "error_unit": unit, "max_seconds": max_seconds, "max_bytes": size}
     with Run(path) as run, context.obj.stage("compare", "cases") as advance:
         answer = compare_run(run, variables, steps, progress=advance, **how)
+    warn_of_comparisons(context.obj, answer)
     if tell(answer, json):
         show_comparison(answer)
 
@@ -157,6 +159,7 @@ def _compare_beyond(
     context: typer.Context, path: Path, asked: tuple[list[str] | None, str | None, bool], how: Any, json: Any
 ) -> None:
     from suffice.beyond import compare_beyond
+    from suffice.doubts import warn_of_comparisons
     from suffice.foreseen import observe_beyond
     from suffice.foresight import show_beyond
     from suffice.run import Run
@@ -170,6 +173,7 @@ def _compare_beyond(
                 watched = {"observables": observe_beyond(run, step, progress=advance, **how)}
         with context.obj.stage("compare", "variables") as advance:
             answer = compare_beyond(run, variables, step, progress=advance, **how) | watched
+    warn_of_comparisons(context.obj, answer)
     if tell(answer, json):
         show_beyond(answer)
         if observables:
@@ -200,6 +204,7 @@ def _compare_timescales(
 
 
 def _compare_observables(context: typer.Context, path: Path, interval: str | None, how: Any, json: Any) -> None:
+    from suffice.doubts import warn_of_comparisons
     from suffice.run import Run
     from suffice.show_observables import show_observables
     from suffice.watched import compare_observables
@@ -207,6 +212,7 @@ def _compare_observables(context: typer.Context, path: Path, interval: str | Non
     step = _one_interval("observables", interval)
     with Run(path) as run, context.obj.stage("compare", "surrogates") as advance:
         answer = compare_observables(run, step, progress=advance, **how)
+    warn_of_comparisons(context.obj, answer)
     if tell(answer, json):
         show_observables(answer)
 

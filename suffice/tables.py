@@ -10,7 +10,7 @@ from suffice.verdicts import promise_text
 from suffice.wording import bytes_text, errors_text, number, seconds_text
 
 ENRICHED = "+ v: modes of positions and velocities; bold: no other choice beats it in error and cost"
-FOUND = ("in_situ", "kept")  # parts of an answer on a simulation that are told in sentences
+FOUND = ("in_situ", "kept", "summary")  # parts of an answer on a simulation that are told otherwise
 MARKS = {"sufficient": "green", "insufficient": "red", "undecidable": "yellow"}
 SIGNS = {"sufficient": "✓", "undecidable": "?"}  # where colours are not seen
 
@@ -62,7 +62,8 @@ def _errors(variables: Mapping[str, Any]) -> Table:
 
 def show_facts_and_found(title: str, answer: Mapping[str, Any]) -> None:
     """Print facts, and what a simulation was asked to find: K_f per Δτ, when and why it ended, what it kept."""
-    show_facts(title, {name: value for name, value in answer.items() if name not in FOUND})
+    told = (*FOUND, "seconds", "particle_steps_per_second") if "summary" in answer else FOUND
+    show_facts(title, {name: value for name, value in answer.items() if name not in told})
     console, found, kept = Console(), answer.get("in_situ"), answer.get("kept")
     if found:
         console.print(_indices(found["variables"]))

@@ -115,7 +115,7 @@ def _named(state: Mapping[str, NDArray[Any]], start: str) -> dict[str, NDArray[A
     return {name.removeprefix(start): rows for name, rows in state.items() if name.startswith(start)}
 
 
-def compact(path: Path, found: bytes, more: Mapping[str, Array]) -> None:
+def compact(path: Path, found: bytes, more: Mapping[str, NDArray[Any]]) -> None:
     """Write a thinned run anew, without the room that it did not need, and with what was found on the way.
 
     found: JSON; more: other arrays by their names in the file. The new file is renamed into place when it is whole.

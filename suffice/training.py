@@ -11,10 +11,19 @@ from selection.intervals import Subset, candidates
 from suffice.compare import CONSISTENCY
 from suffice.derived import velocity_rmse
 from suffice.door import InterruptedRunError
+from suffice.doubts import EARLY
 from suffice.making import is_trained, made
 from suffice.model import Model, begin_training, check_model_place, save_model
 from suffice.progress import Reporter
-from suffice.reconstruction import Case, Reduced, consistent_level, projection_errors, reduce, training_remark
+from suffice.reconstruction import (
+    Case,
+    Reduced,
+    consistent_level,
+    ended_early,
+    projection_errors,
+    reduce,
+    training_remark,
+)
 from suffice.refusal import Refusal
 from suffice.run import Run
 from suffice.uneven import unfit
@@ -97,7 +106,10 @@ def _fitted(wish: Wish, case: Case, reduced: Reduced, n: int, folder: Path, repo
             if isinstance(surrogate, Network):
                 begin_training(folder)
                 surrogate.watched(folder, wish.resume, advance)
-                return surrogate.fit(times, known, rates)
+                surrogate.fit(times, known, rates)
+                if ended_early(surrogate):
+                    reporter.warn(EARLY, f"{wish.variable}, {wish.surrogate}: {training_remark(surrogate)}")
+                return surrogate
             advance(0, 1)
             surrogate.fit(times, known, rates)
             advance(1, 1)

@@ -174,6 +174,10 @@ class Keeper(Callback):
             given = _decisive(self._settings)
             write_state(self._settings.folder, State.of(facts, given, module, trainer.optimizers[0], self.best))
 
+    def early(self, settings: Training) -> bool:
+        """Tell whether the training stopped before it was done."""
+        return self.diverged_at is not None or (self.steps < settings.steps and not self.exhausted)
+
     def reason(self, settings: Training) -> str:
         """Say in words why the training stopped."""
         if self.diverged_at is not None:

@@ -46,6 +46,7 @@ class Trained(NamedTuple):
     error: float  # then, RMS over the validation samples
     seconds: float
     reason: str  # why it stopped
+    early: bool  # before it was done: its time was over, or its error grew without bound
 
 
 def check_training(settings: Training) -> None:
@@ -93,4 +94,6 @@ def train(network: nn.Module, training: Samples, validation: Samples | None, set
             f"learning_rate is {settings.learning_rate:g}: the training error grew without bound by step "
             f"{kept.diverged_at}; give a tenth of it"
         )
-    return Trained(kept.steps, kept.best_step, kept.best_error, perf_counter() - begin, kept.reason(settings))
+    return Trained(
+        kept.steps, kept.best_step, kept.best_error, perf_counter() - begin, kept.reason(settings), kept.early(settings)
+    )

@@ -14,6 +14,7 @@ from sim.checkpoint import restore_, state_of
 from suffice.checkpoint import checkpoint_path, read_checkpoint, write_checkpoint
 from suffice.refusal import Refusal
 from suffice.store import Run
+from suffice.summary import read_summary
 
 # the command line, with a checkpoint after every snapshot
 COMMAND = "import suffice.simulating as s; s.SECONDS_BETWEEN_CHECKPOINTS = 0.0; import suffice.__main__ as m; m.main()"
@@ -80,11 +81,11 @@ def test_a_damaged_checkpoint_is_refused_with_the_remedy(tmp_path):
 
 
 def content(path):
-    """Every dataset of a run but the moment it was made at."""
+    """Every dataset of a run but the moment it was made at, and how fast."""
     found = {}
     with h5py.File(path) as file:
         file.visititems(lambda name, node: found.update({name: node[()]} if isinstance(node, h5py.Dataset) else {}))
-    del found["suffice/provenance/made"]
+    del found["suffice/provenance/made"], found["suffice/pace"]
     return found
 
 
@@ -164,7 +165,14 @@ def test_an_interrupted_run_says_how_to_go_on_and_does(beads, tmp_path):
     assert "of 201 snapshots, the same command goes on from there" in said.replace("\n", " ")
     assert "--resume" in said
     assert "Traceback" not in said
+    assert "run.h5: interrupted at t = " in said
+    with Run(tmp_path / "run.h5") as run:
+        before = read_summary(run)
+        assert (before.outcome, before.time) == ("interrupted", run.times[-1])
     finished(tmp_path, "scene.toml", "--resume")
     with Run(tmp_path / "run.h5") as run:
         assert run.n_snapshots == 201
+        after = read_summary(run)
+    assert after.outcome == "done"
+    assert after.pace.seconds > before.pace.seconds  # the whole run's, not those of its last part
     assert not checkpoint_path(tmp_path / "run.h5").exists()

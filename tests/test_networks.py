@@ -251,6 +251,7 @@ def test_time_that_is_over_ends_each_training_with_that_reason(name: str) -> Non
     assert model.trainings_
     # a training of the lstm may lose its patience first
     assert any(told.reason == "max_seconds of 0.05 s were over" for told in model.trainings_)
+    assert all(told.early == told.reason.startswith("max_seconds") for told in model.trainings_)
     assert all(told.steps < 1000 for told in model.trainings_)
 
 

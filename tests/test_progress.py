@@ -74,10 +74,12 @@ def test_every_line_of_a_run_is_json_and_its_answer_is_alone_on_standard_output(
     (tmp_path / "scene.toml").write_text(beads)
     answer = suffice("--log-json", "simulate", tmp_path / "scene.toml", "-o", tmp_path / "run.h5", "--json", "-")
     said = [json.loads(line) for line in answer.err.splitlines()]
-    assert said[-1]["done"] == said[-1]["all"] == 21
-    assert said[-1]["stage"] == "simulate"
-    assert said[-1]["rate"] > 0.0
+    *_, last, summary = said
+    assert last["done"] == last["all"] == 21
+    assert last["stage"] == "simulate"
+    assert last["rate"] > 0.0
     assert json.loads(answer.out)["n_snapshots"] == 21
+    assert summary == {"stage": "simulate", "summary": json.loads(answer.out)["summary"]}
 
 
 def test_a_file_is_told_once_a_minute_and_a_short_stage_not_at_all(clock, capsys):

@@ -63,6 +63,11 @@ def test_every_stage_runs_once_and_leaves_its_file(folder):
     assert [stage["name"] for stage in results["stages"]] == list(STAGES[:3])
     assert list(results["select"]["variables"])[:3] == ["position.x", "position.y", "position.z"]
     assert {row["surrogate"] for row in results["compare"]["rows"]} == {"spline", "rbf"}
+    undecided = [c["verdict"] for found in results["select"]["variables"].values() for c in found["candidates"]]
+    warned = {stage["name"]: stage["warnings"] for stage in results["stages"]}
+    assert warned["select"]["undecidable verdict"]["count"] == undecided.count("undecidable") > 0
+    assert warned["simulate"] == {}  # its own are the run's
+    assert results["told"]["run.h5"]["guards"]["overlap"]["share"] > 0.0
     assert "<html" in (out / "report.html").read_text()
     before = {path.name: path.read_bytes() for path in out.iterdir()}
     assert ran(folder) == []

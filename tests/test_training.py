@@ -127,6 +127,7 @@ def test_a_training_whose_time_is_over_between_two_checks_goes_on_there(tmp_path
     last = train(learner, sine(), sine(11), limited._replace(resume=True, max_seconds=None))
     assert weights(learner.inner) == weights(expected)
     assert (last.steps, last.best_step, last.error) == (told.steps, told.best_step, told.error)
+    assert (first.early, last.early) == (True, False)
 
 
 def test_patience_counts_on_where_a_training_was_interrupted(tmp_path: Path) -> None:

@@ -50,6 +50,7 @@ class Imported(NamedTuple):
     variables: tuple[str, ...]
     ignored: tuple[str, ...]  # columns of the source that were left out
     notes: tuple[str, ...]  # how the source was understood
+    warnings: tuple[str, ...]  # of the notes those that tell of something amiss
 
 
 def import_run(
@@ -93,7 +94,7 @@ def import_run(
     with only_writer(Path(output)):
         n, found = _write(trajectory, clock, Path(output), diameter, precision, provenance, progress or _silent)
     variables, ignored = tuple(trajectory.variables), tuple(trajectory.ignored)
-    return Imported(Path(output), len(clock.times), n, clock.times, variables, ignored, (*notes, *found))
+    return Imported(Path(output), len(clock.times), n, clock.times, variables, ignored, (*notes, *found), tuple(found))
 
 
 def detect_format(paths: Sequence[Path]) -> str:
