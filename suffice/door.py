@@ -5,10 +5,10 @@ import os
 import re
 import signal
 import sys
-from _thread import interrupt_main
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from threading import Timer, get_ident
 from types import TracebackType
 from typing import Any
 
@@ -20,6 +20,7 @@ from suffice.refusal import Refusal
 
 DONE, FAILED, REFUSED, INTERRUPTED = 0, 1, 2, 130
 INTERRUPTION = "interrupted; finished stages are kept, run the same command again"
+SECONDS_AFTER_CALLBACK = 0.01
 REPEATED = "Can't decrement id ref count"  # HDF5's words
 UsageError: Any = typer.BadParameter.__mro__[1]  # typer has a click of its own, of which only this is public
 
@@ -56,7 +57,10 @@ def hear_what_is_dropped() -> None:
 
     def note_unraisable(found: Any) -> None:
         if issubclass(found.exc_type, KeyboardInterrupt):
-            interrupt_main()  # it came in a callback, which drops it: once more
+            # it came in a callback, which drops it: once more, when this one, which drops it, too, is over
+            again = Timer(SECONDS_AFTER_CALLBACK, signal.pthread_kill, (get_ident(), signal.SIGINT))
+            again.daemon = True
+            again.start()
         elif REPEATED not in str(found.exc_value):
             unraisable(found)
 
