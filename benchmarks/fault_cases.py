@@ -162,7 +162,10 @@ def look_at_whole(content: Callable[[Path], dict[str, Any]], name: str) -> Calla
 
     def look(folder: Path, case: Case, _reported: int) -> None:
         if (folder / name).exists():
-            assert content(folder) == case.expected, f"{name} stands and is not whole"
+            found = content(folder)
+            lacking = {key for key in case.expected.keys() - found.keys() if ".vtkhdf/" not in key}
+            assert not lacking, f"{name} stands and lacks {lacking}"  # but for views, which come after their run
+            assert found == {key: case.expected[key] for key in found}, f"{name} stands and is not whole"
 
     return look
 

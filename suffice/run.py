@@ -3,6 +3,7 @@
 import hashlib
 import json
 import math
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
@@ -51,6 +52,7 @@ class Run:
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self._file = _open(self.path)
+        self._size = os.fstat(self._file.id.get_vfd_handle()).st_size
         try:
             with _refusing_damage(self.path):
                 self._check_version()
@@ -135,7 +137,7 @@ class Run:
         whole, axis = (name, None) if name in self._datasets else (vector, AXES.index(letter))
         quantity = QUANTITIES[whole]
         n = math.prod(self.grid.shape) if quantity.of_fluid and self.grid else self.n_particles
-        return Variable(self._datasets[whole], quantity, axis, n, self.n_snapshots)
+        return Variable(self._datasets[whole], quantity, axis, n, self.n_snapshots, self._check_length)
 
     def snapshot(self, k: int) -> Snapshot:
         """Return snapshot k, from 0 to n_snapshots − 1. Raises `IndexError` for any other."""
@@ -143,7 +145,9 @@ class Run:
             raise IndexError(f"snapshot {k} of {self.n_snapshots}")
         at = {name: layout.index_of(QUANTITIES[name], k, self.n_particles) for name in self._datasets}
         with _refusing_damage(self.path):
-            return Snapshot(float(self.times[k]), {name: self._datasets[name][at[name]] for name in at})
+            values = {name: self._datasets[name][at[name]] for name in at}
+        self._check_length()
+        return Snapshot(float(self.times[k]), values)
 
     def __repr__(self) -> str:
         from pod.facts import (
@@ -190,6 +194,11 @@ class Run:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _check_length(self) -> None:
+        """Refuse a file that has become shorter since it was opened: HDF5 reads zeros behind its end."""
+        if os.fstat(self._file.id.get_vfd_handle()).st_size < self._size:
+            raise Refusal(f"{self.path} was cut while it was read; make it again, or wait until it is copied")
 
     def _check_version(self) -> None:
         plan = layout.hard_node(self._file, layout.PLAN)
