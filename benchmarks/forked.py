@@ -12,11 +12,13 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Sequence
+from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
 CHANGES = ("os.rename", "os.remove", "os.truncate", "os.mkdir", "os.rmdir", "os.link", "os.symlink")
 LIMITS = {"memory": resource.RLIMIT_AS, "file": resource.RLIMIT_FSIZE}
+STOPS = (signal.SIGINT, signal.SIGTERM)
 SECONDS_BETWEEN_SIGNALS = 5.0
 BROKEN = 70  # exit code of a child in which an exception went through the door
 
@@ -30,6 +32,8 @@ class Outcome(NamedTuple):
     seconds: float
     changes: int  # files that were opened for writing, renamed or removed
     outside: tuple[str, ...]  # of them, those outside the folder
+    heard: bool  # whether a signal came while Python listened
+    seconds_after: float  # from the first signal that was sent to the end
 
 
 def import_all() -> None:
@@ -70,11 +74,13 @@ class Child:
         self._home = str((writes or folder).resolve())
         self._said = self.folder.parent / f"{folder.name}.said"
         self._shared = mmap.mmap(-1, 1 << 16)
-        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])  # until the child's command listens
+        self._heard, self._hears = os.pipe2(os.O_NONBLOCK)
+        self._signalled = inf
+        signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)  # until the child's command listens
         self.pid = os.fork()
         if self.pid == 0:
             self._work(words, limits or {}, dies_at, prepare)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPS)
 
     def _work(
         self, words: Sequence[str], limits: dict[str, int], dies_at: int | None, prepare: Callable[[], Any] | None
@@ -86,7 +92,9 @@ class Child:
                 most = size + (_address_space() if name == "memory" else 0)
                 resource.setrlimit(LIMITS[name], (most, most))
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-            signal.signal(signal.SIGINT, signal.default_int_handler)
+            for number in STOPS:
+                signal.signal(number, lambda *_: None)  # when the command is over it comes too late
+            signal.set_wakeup_fd(self._hears)
             if prepare is not None:
                 prepare()
             self._watch(dies_at)
@@ -94,7 +102,7 @@ class Child:
             from suffice.door import run_command
 
             def command() -> Any:
-                signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+                signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPS)
                 return app(list(words), standalone_mode=False)
 
             code = run_command(command)
@@ -149,13 +157,19 @@ class Child:
                 told = time.monotonic()
                 os.kill(self.pid, again)
             time.sleep(0.002)
-        seconds = time.monotonic() - self.began
+        seconds, after = time.monotonic() - self.began, max(time.monotonic() - self._signalled, 0.0)
         said = self._said.read_text(errors="replace") if self._said.exists() else ""
         self._said.unlink(missing_ok=True)
         outside = self._shared[16 : self._shared.find(b"\0", 16)].decode().splitlines()
         changes = int.from_bytes(self._shared[:8], "little")
         code = os.waitstatus_to_exitcode(status)
-        return Outcome(code, said, 1024 * used.ru_maxrss, seconds, changes, tuple(outside))
+        heard = self._was_heard()
+        return Outcome(code, said, 1024 * used.ru_maxrss, seconds, changes, tuple(outside), heard, after)
+
+    def _was_heard(self) -> bool:
+        os.close(self._hears)
+        with open(self._heard, "rb") as heard:
+            return bool(heard.read(1))
 
     def kill_after(self, seconds: float, how: signal.Signals = signal.SIGKILL) -> Outcome:
         """Send a signal after some seconds, if it still runs then, and again, as an impatient user does."""
@@ -163,6 +177,7 @@ class Child:
             if os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT):
                 break
             time.sleep(0.001)
+        self._signalled = time.monotonic()
         os.kill(self.pid, how)
         return self.wait(again=how)
 

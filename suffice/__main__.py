@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from suffice.door import hear_what_is_dropped, run_command
+from suffice.door import forget_unwritten, hear_what_is_dropped, run_command
 from suffice.foreign_commands import export, import_
 from suffice.options import Json, RunFile, Variables, tell
 from suffice.progress import Reporter
@@ -247,7 +247,9 @@ def report(folder: Annotated[Path, typer.Argument(metavar="DIR", help="the folde
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
-    sys.exit(run_command(lambda: app(standalone_mode=False)))
+    code = run_command(lambda: app(standalone_mode=False))
+    forget_unwritten()
+    sys.exit(code)
 
 
 if __name__ == "__main__":

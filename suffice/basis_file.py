@@ -118,6 +118,8 @@ def read_card(path: Path) -> dict[str, Any] | None:
 
     Raises Refusal where the card cannot be read, or lies outside the file.
     """
+    if not path.is_file():  # a pipe has no end
+        return None
     try:
         with h5py.File(path, "r") as file:
             node = hard_node(file, "suffice/card")

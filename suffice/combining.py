@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from suffice.combined import begin, check_combined_place, check_plan, finish, read_combined_card
 from suffice.door import InterruptedRunError
+from suffice.lock import only_writer_in
 from suffice.model import read_model_card, training_stands
 from suffice.planning import Part, Plan, Wanted, parse_limits, plan_parts
 from suffice.progress import Reporter
@@ -40,23 +41,28 @@ class Request(NamedTuple):
 def train(source: Path, folder: Path, request: Request, reporter: Reporter) -> dict[str, Any]:
     """Train what is asked for and return its card: an ordinary model of one variable, a combined one of several.
 
+    The run is opened once, so that all parts are of the same snapshots where it grows or is replaced meanwhile.
     Raises Refusal, and the InputErrors of pod and surrogates, for what cannot be used.
     """
     with Run(source) as run:
         names = default_variables(run) if request.variables is None else list(dict.fromkeys(request.variables))
         limits = parse_limits(request.max_error, run)
         _check(run, names, request, limits)
-        wanted = Wanted(names, request.surrogate, request.intervals, limits, request.finest, request.energy)
-        asked = _asked(run, wanted, request)
-        single = len(names) == 1 and request.max_error is None
-        if single and request.intervals is not None and len(request.intervals) == 1:
-            plan = Plan([Part(names[0], request.intervals[0], request.modes)], {}, {})
-        else:
-            with reporter.stage("plan", "variables") as advance:
-                plan = plan_parts(run, wanted, advance)
-    if len(plan.parts) == 1 and not plan.derived:
-        return train_model(source, folder, _wish(plan.parts[0], request), reporter)
-    return _combined(source, folder, (plan, request, asked), reporter)
+        check_combined_place(folder)
+        with only_writer_in(folder):
+            wanted = Wanted(names, request.surrogate, request.intervals, limits, request.finest, request.energy)
+            plan = _plan(run, wanted, request, reporter)
+            if len(plan.parts) == 1 and not plan.derived:
+                return train_model(run, folder, _wish(plan.parts[0], request), reporter)
+            return _combined(run, folder, (plan, request, _asked(run, wanted, request)), reporter)
+
+
+def _plan(run: Run, wanted: Wanted, request: Request, reporter: Reporter) -> Plan:
+    single = len(wanted.variables) == 1 and request.max_error is None
+    if single and request.intervals is not None and len(request.intervals) == 1:
+        return Plan([Part(wanted.variables[0], request.intervals[0], request.modes)], {}, {})
+    with reporter.stage("plan", "variables") as advance:
+        return plan_parts(run, wanted, advance)
 
 
 def _check(run: Run, names: list[str], request: Request, limits: Mapping[str, float]) -> None:
@@ -82,6 +88,7 @@ def _asked(run: Run, wanted: Wanted, request: Request) -> dict[str, Any]:
     return {
         "run": str(run.path),
         "snapshots": run.n_snapshots,
+        "digest": run.digest(),
         "variable": list(wanted.variables),
         "surrogate": wanted.surrogate,
         "interval": None if wanted.intervals is None else list(wanted.intervals),
@@ -98,12 +105,9 @@ def _wish(part: Part, request: Request) -> Wish:
     return wish._replace(seed=request.seed, max_seconds=request.max_seconds, resume=request.resume)
 
 
-def _combined(
-    source: Path, folder: Path, what: tuple[Plan, Request, dict[str, Any]], reporter: Reporter
-) -> dict[str, Any]:
+def _combined(run: Run, folder: Path, what: tuple[Plan, Request, dict[str, Any]], reporter: Reporter) -> dict[str, Any]:
     """Train part after part into folders of their names, then write the card."""
     plan, request, asked = what
-    check_combined_place(folder)
     if request.resume:
         check_plan(folder, asked)
         if (done := read_combined_card(folder)) is not None:
@@ -111,9 +115,7 @@ def _combined(
     else:
         begin(folder, asked, [part.variable for part in plan.parts])
     try:
-        cards = {
-            part.variable: _trained(source, folder / part.variable, part, request, reporter) for part in plan.parts
-        }
+        cards = {part.variable: _trained(run, folder / part.variable, part, request, reporter) for part in plan.parts}
     except KeyboardInterrupt:
         raise InterruptedRunError(
             f"interrupted; finished parts stand in {folder}, the same command with --resume goes on"
@@ -123,13 +125,13 @@ def _combined(
     return card
 
 
-def _trained(source: Path, place: Path, part: Part, request: Request, reporter: Reporter) -> dict[str, Any]:
+def _trained(run: Run, place: Path, part: Part, request: Request, reporter: Reporter) -> dict[str, Any]:
     """Train one part, or return the card of one that a resumed training has already finished."""
     wish = _wish(part, request)
     done = read_model_card(place) if request.resume else None
     if done is not None:
         return done
-    return train_model(source, place, wish._replace(resume=request.resume and training_stands(place)), reporter)
+    return train_model(run, place, wish._replace(resume=request.resume and training_stands(place)), reporter)
 
 
 def _card(plan: Plan, cards: Mapping[str, Mapping[str, Any]], asked: dict[str, Any]) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """From a run to a basis on disk."""
 
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,6 +13,7 @@ from selection import InputError as UnfitIntervals
 from selection import dense_interval
 from selection.intervals import stride
 from suffice.basis_file import card_of, check_place, read_card, read_gram, write_basis
+from suffice.lock import only_writer
 from suffice.refusal import Refusal
 from suffice.report import write_report
 from suffice.run import Run
@@ -40,37 +42,42 @@ def decompose_run(source: Path, output: Path, wanted: Wanted, ranks: Ranks = ALO
     be used, and pod.LostRankError.
     """
     check_place(output)
-    with Run(source) as run:
-        rows = run.variable(wanted.variable)
-        began = time.monotonic()
-        used = _snapshots(run, wanted.interval)
-        card: dict[str, Any] = {
-            "run": str(source),
-            "variable": wanted.variable,
-            "unit": rows.unit,
-            "interval": None if run.interval is None else run.interval * int(used[1] - used[0]),
-            "n_snapshots": len(used),
-            "n_rows": rows.shape[0],
-            "ranks": ranks.size,
-        }
-        gram = None
-        if wanted.velocities:
-            basis, more = _enriched(run, wanted, used, ranks)
-            card |= more
-        else:
-            matrix = SnapshotMatrix(rows, ranks=ranks).columns(used)
-            if wanted.append:
-                gram, card["snapshots_known"] = _grown(matrix, output, card)
-            basis = lanczos_pod(
-                matrix, energy=wanted.energy, modes=wanted.modes, tolerance=wanted.tolerance, error=wanted.error,
-                route=wanted.route, gram=gram,
-            )  # fmt: skip
+    with Run(source) as run, only_writer(output) if ranks.rank == 0 else nullcontext():
+        return _decompose(run, output, wanted, ranks)
+
+
+def _decompose(run: Run, output: Path, wanted: Wanted, ranks: Ranks) -> dict[str, Any]:
+    """Find and write the modes of an open run into a file that nobody else writes."""
+    rows = run.variable(wanted.variable)
+    began = time.monotonic()
+    used = _snapshots(run, wanted.interval)
+    card: dict[str, Any] = {
+        "run": str(run.path),
+        "variable": wanted.variable,
+        "unit": rows.unit,
+        "interval": None if run.interval is None else run.interval * int(used[1] - used[0]),
+        "n_snapshots": len(used),
+        "n_rows": rows.shape[0],
+        "ranks": ranks.size,
+    }
+    gram = None
+    if wanted.velocities:
+        basis, more = _enriched(run, wanted, used, ranks)
+        card |= more
+    else:
+        matrix = SnapshotMatrix(rows, ranks=ranks).columns(used)
+        if wanted.append:
+            gram, card["snapshots_known"] = _grown(matrix, output, card)
+        basis = lanczos_pod(
+            matrix, energy=wanted.energy, modes=wanted.modes, tolerance=wanted.tolerance, error=wanted.error,
+            route=wanted.route, gram=gram,
+        )  # fmt: skip
     card = card_of(basis, {**card, "seconds": round(time.monotonic() - began, 3)})
     write_basis(output, basis, card, ranks, gram)
     if wanted.plot is not None and ranks.rank == 0:
         about = {key: card[key] for key in ("run", "n_rows", "n_snapshots", "lanczos_steps", "route", "reason")}
         curves = {"convergence": {wanted.variable: _convergence(basis)}, "provenance": about}
-        write_report({"study": f"{wanted.variable} of {source.name}", **curves}, wanted.plot)
+        write_report({"study": f"{wanted.variable} of {run.path.name}", **curves}, wanted.plot)
     return card
 
 

@@ -5,27 +5,32 @@ import os
 import re
 import signal
 import sys
-from _thread import interrupt_main
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
-from threading import current_thread, main_thread
+from threading import Timer, get_ident
 from types import TracebackType
 from typing import Any
 
 import typer
 
+from suffice.interrupt import heard_by
 from suffice.ranks import is_first
 from suffice.refusal import Refusal
 
 DONE, FAILED, REFUSED, INTERRUPTED = 0, 1, 2, 130
 INTERRUPTION = "interrupted; finished stages are kept, run the same command again"
+SECONDS_AFTER_CALLBACK = 0.01
 REPEATED = "Can't decrement id ref count"  # HDF5's words
 UsageError: Any = typer.BadParameter.__mro__[1]  # typer has a click of its own, of which only this is public
 
 
 class InterruptedRunError(Exception):
-    """The user stopped a command at a point from which it can be resumed; the message says how."""
+    """A signal stopped a command at a point from which it can be resumed; the message says how."""
+
+    def __init__(self, message: str, asked_by: int = signal.SIGINT) -> None:
+        super().__init__(message)
+        self.asked_by = asked_by  # the signal
 
 
 def refusals() -> tuple[type[Exception], ...]:
@@ -52,7 +57,10 @@ def hear_what_is_dropped() -> None:
 
     def note_unraisable(found: Any) -> None:
         if issubclass(found.exc_type, KeyboardInterrupt):
-            interrupt_main()  # it came in a callback, which drops it: once more
+            # it came in a callback, which drops it: once more, when this one, which drops it, too, is over
+            again = Timer(SECONDS_AFTER_CALLBACK, signal.pthread_kill, (get_ident(), signal.SIGINT))
+            again.daemon = True
+            again.start()
         elif REPEATED not in str(found.exc_value):
             unraisable(found)
 
@@ -70,59 +78,73 @@ def disk_words(error: Exception) -> str:
 
 
 def run_command(command: Callable[[], Any]) -> int:
-    """Run a command and return its exit code; what went wrong is said on standard error in one message."""
-    heard: list[bool] = []
-    try:
-        with _listening(heard):
-            code = command()
-        if code == INTERRUPTED:  # typer answers Ctrl-C by this number, in silence
+    """Run a command and return its exit code; what went wrong is said on standard error in one message.
+
+    A signal that asks to stop raises KeyboardInterrupt, and the code is 128 and its number.
+    """
+    heard: list[int] = []
+    over = False
+
+    def hear(number: int, _frame: object) -> None:
+        heard.append(number)
+        if not over:
             raise KeyboardInterrupt
-        return code if isinstance(code, int) else DONE
-    except UsageError as error:
-        error.show(sys.stderr)
-        return REFUSED
-    except (KeyboardInterrupt, typer.Abort):
-        return _say(INTERRUPTION, INTERRUPTED)
-    except InterruptedRunError as stopped:
-        return _say(str(stopped), INTERRUPTED)
-    except BrokenPipeError:
-        return FAILED
-    except refusals() as error:
-        # torchrun's processes are all refused alike; the first one says so
-        return _say(f"refused: {error}", REFUSED) if is_first() else REFUSED
-    except failures() as error:
-        return _say(f"failed: {disk_words(error) or type(error).__name__}", FAILED)
-    except (SystemError, RuntimeError):
-        if heard:  # Ctrl-C while compiled code is loaded comes out of numba as one of these
-            return _say(INTERRUPTION, INTERRUPTED)
-        raise
+
+    with heard_by(hear):
+        try:
+            try:
+                code = command()
+                if sys.stdout is not None:
+                    sys.stdout.flush()  # a disk that is full is told here, and not by Python when it ends
+            finally:
+                over = True  # what comes now, an impatient second one, must not spoil the message
+            if code == INTERRUPTED:  # typer answers Ctrl-C by this number, in silence
+                raise KeyboardInterrupt
+            return code if isinstance(code, int) else DONE
+        except UsageError as error:
+            error.show(sys.stderr)
+            return REFUSED
+        except (KeyboardInterrupt, typer.Abort):
+            return _say(INTERRUPTION, code_of(heard))
+        except InterruptedRunError as stopped:
+            return _say(str(stopped), code_of([*heard, stopped.asked_by]))
+        except BrokenPipeError:
+            return FAILED
+        except refusals() as error:
+            # torchrun's processes are all refused alike; the first one says so
+            return _say(f"refused: {error}", REFUSED) if is_first() else REFUSED
+        except failures() as error:
+            return _say(f"failed: {disk_words(error) or type(error).__name__}", FAILED)
+        except (SystemError, RuntimeError):
+            if heard:  # Ctrl-C while compiled code is loaded comes out of numba as one of these
+                return _say(INTERRUPTION, code_of(heard))
+            raise
 
 
-@contextmanager
-def _listening(heard: list[bool]) -> Iterator[None]:
-    """Note every Ctrl-C of the block, which raises KeyboardInterrupt as ever."""
-
-    def hear(_signal: int, _frame: object) -> None:
-        heard.append(True)
-        raise KeyboardInterrupt
-
-    if current_thread() is not main_thread():  # nobody sends signals there
-        yield
-        return
-    before = signal.signal(signal.SIGINT, hear)
+def forget_unwritten() -> None:
+    """Let go of what standard output did not take: Python would try again at its end, and spoil the exit code."""
     try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def code_of(heard: Sequence[int]) -> int:
+    """Return the exit code of a command that a signal has stopped: 130 after Ctrl-C, 143 after SIGTERM."""
+    return 128 + heard[0] if heard else INTERRUPTED
 
 
 def _say(message: str, code: int) -> int:
-    print(f"suffice: {message}", file=sys.stderr)
+    with suppress(OSError):  # of a terminal that was closed, nobody listens
+        print(f"suffice: {message}", file=sys.stderr)
     return code
 
 
 def _may_be_replaced(path: Path) -> bool:
-    """Tell whether nothing stands there, or JSON: a run named by mistake must survive."""
+    """Tell whether nothing stands there, a device, or JSON: a run named by mistake must survive."""
+    if not path.is_file():
+        return True
     try:
         with path.open("rb") as file:
             return file.read(1) in (b"{", b"[", b"")
@@ -141,10 +163,24 @@ def write_json(value: Any, target: str) -> None:
         raise Refusal(f"--json {target} is a folder; name a file, or - for standard output")
     if not _may_be_replaced(path):
         raise Refusal(f"--json {target} exists and is no JSON; choose another name or remove it")
+    try:
+        write_text(path, text + "\n")
+    except OSError as error:
+        raise Refusal(f"--json {target} cannot be written ({error}); name a file in a folder that exists") from None
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text beside and rename it; into a device or a pipe at once: /dev/null must stay what it is.
+
+    Raises OSError, and then leaves nothing beside.
+    """
+    if path.exists() and not path.is_file():
+        path.write_text(text, encoding="utf-8")
+        return
     part = path.with_name(path.name + ".part")
     try:
-        part.write_text(text + "\n", encoding="utf-8")
+        part.write_text(text, encoding="utf-8")
         part.replace(path)
-    except OSError as error:
+    except OSError:
         part.unlink(missing_ok=True)
-        raise Refusal(f"--json {target} cannot be written ({error}); name a file in a folder that exists") from None
+        raise

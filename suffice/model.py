@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save_file
 
+from suffice.door import disk_words
 from suffice.quantities import QUANTITIES, Grid, velocity_of, whole_of
 from suffice.refusal import Refusal
 from surrogates import SURROGATES, InputError, Surrogate
@@ -58,7 +59,7 @@ def check_model_place(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise Refusal(f"output {folder} is a file; name a folder for the model")
     ours = any((folder / name).exists() for name in (CARD, BEGUN)) or training_stands(folder)
-    half = {ARRAYS, f"{ARRAYS}.part", f"{CARD}.part"}  # what a kill between the first file and the last leaves
+    half = {ARRAYS, f"{ARRAYS}.part", f"{CARD}.part", ".lock"}  # what a kill before the card comes leaves
     if not ours and folder.is_dir() and any(path.name not in half for path in folder.iterdir()):
         raise Refusal(f"output {folder} holds other things than a model; choose another name or empty it")
     if not folder.parent.is_dir():
@@ -82,27 +83,29 @@ def training_stands(folder: Path) -> bool:
 def save_model(folder: Path, model: Model) -> None:
     """Write arrays and card beside and rename them, the card last: without it there is no model.
 
+    A model that stood there goes only when the new one is whole beside it: a disk that is full does not cost it.
     Mean and modes are kept in the precision of the snapshots that they were made of.
     """
     arrays = {"mean": model.mean, "modes": model.modes, **model.particles}
     arrays |= {FITTED + name: array for name, array in model.surrogate.state().items()}
     card = {**model.card, "kind": KIND, "version": VERSION, "versions": _versions()}
+    parts = {name: folder / f"{name}.part" for name in (ARRAYS, CARD)}
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / CARD).unlink(missing_ok=True)
-        part = folder / f"{ARRAYS}.part"
-        save_file({name: np.ascontiguousarray(array) for name, array in arrays.items()}, part)
-        os.replace(part, folder / ARRAYS)
-        part = folder / f"{CARD}.part"
-        part.write_text(json.dumps(card, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-        os.replace(part, folder / CARD)
+        save_file({name: np.ascontiguousarray(array) for name, array in arrays.items()}, parts[ARRAYS])
+        parts[CARD].write_text(json.dumps(card, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        (folder / CARD).unlink(missing_ok=True)  # it does not belong to the new arrays
+        for name, part in parts.items():
+            os.replace(part, folder / name)
         (folder / BEGUN).unlink(missing_ok=True)
-    except OSError as error:
+    except (OSError, SafetensorError) as error:  # the latter is its name for a disk that is full
+        for part in parts.values():
+            part.unlink(missing_ok=True)
         raise _unwritable(folder, error) from None
 
 
-def _unwritable(folder: Path, error: OSError) -> Refusal:
-    return Refusal(f"output {folder} cannot be written ({error}); name a folder you may write to")
+def _unwritable(folder: Path, error: Exception) -> Refusal:
+    return Refusal(f"output {folder} cannot be written ({disk_words(error)}); name a folder you may write to")
 
 
 def read_model_card(folder: Path) -> dict[str, Any] | None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from suffice.combined import load_models
+from suffice.lock import only_writer
 from suffice.model import Model
 from suffice.progress import Reporter
 from suffice.quantities import AXES, QUANTITIES, whole_of
@@ -57,6 +58,7 @@ def predict_run(
         model.surrogate.predict(times, beyond=beyond)  # refuses a time outside the window before a file is made
     done = 0
     with (
+        only_writer(output),
         RunWriter(
             output,
             ids=first.particles["ids"],

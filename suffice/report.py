@@ -1,7 +1,6 @@
 """The report of a study: one page that needs nothing but a browser."""
 
 import json
-import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 from plotly.offline import get_plotlyjs
 
 from suffice.beyond_section import beyond_section
+from suffice.door import write_text
 from suffice.omissions_section import omissions_section
 from suffice.one_step_section import one_step_section
 from suffice.paper_section import paper_sections
@@ -52,12 +52,9 @@ def write_report(results: Results, path: str | Path) -> None:
     Raises `Refusal` when the page cannot be written.
     """
     page, target = render(results), Path(path)
-    part = target.with_name(target.name + ".part")
     try:
-        part.write_text(page, encoding="utf-8")
-        os.replace(part, target)
+        write_text(target, page)
     except OSError as error:
-        part.unlink(missing_ok=True)
         raise Refusal(f"report {target} cannot be written ({error}); name a file in a folder that exists") from None
 
 

@@ -1,6 +1,7 @@
 """Rows of the snapshot matrix W, read from a run block by block."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -17,12 +18,21 @@ class Variable:
     complete snapshot, in the stored precision; memory is that of the rows asked for, and of one snapshot of them.
     """
 
-    def __init__(self, dataset: Any, quantity: Quantity, axis: int | None, n: int, n_snapshots: int) -> None:
+    def __init__(
+        self,
+        dataset: Any,
+        quantity: Quantity,
+        axis: int | None,
+        n: int,
+        n_snapshots: int,
+        check_length: Callable[[], None],
+    ) -> None:
         self.unit = quantity.unit
         self.rows_per_particle = quantity.components if axis is None else 1
         self.shape = (n * self.rows_per_particle, n_snapshots)
         self.dtype = np.dtype(dataset.dtype)
         self._dataset, self._quantity, self._axis, self._n = dataset, quantity, axis, n
+        self._check_length = check_length
 
     def __getitem__(self, rows: slice) -> NDArray[Any]:
         """Return the rows of this slice, of every snapshot, (rows, snapshots). Raises `Refusal` on a damaged file."""
@@ -34,6 +44,7 @@ class Variable:
         block = np.empty((self.shape[1], last - first, per), self.dtype)
         for k, snapshot in enumerate(block):
             self._read_into(snapshot, k, first, last)
+        self._check_length()
         return block.reshape(len(block), (last - first) * per)[:, start - first * per : stop - first * per].T
 
     def _read_into(self, out: NDArray[Any], k: int, first: int, last: int) -> None:

@@ -1,7 +1,9 @@
 """A run as it is read back: times, particles, snapshots, and the rows of each variable."""
 
+import hashlib
 import json
 import math
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
@@ -50,6 +52,7 @@ class Run:
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self._file = _open(self.path)
+        self._size = os.fstat(self._file.id.get_vfd_handle()).st_size
         try:
             with _refusing_damage(self.path):
                 self._check_version()
@@ -138,7 +141,7 @@ class Run:
         whole, axis = (name, None) if name in self._datasets else (vector, AXES.index(letter))
         quantity = QUANTITIES[whole]
         n = math.prod(self.grid.shape) if quantity.of_fluid and self.grid else self.n_particles
-        return Variable(self._datasets[whole], quantity, axis, n, self.n_snapshots)
+        return Variable(self._datasets[whole], quantity, axis, n, self.n_snapshots, self._check_length)
 
     def snapshot(self, k: int) -> Snapshot:
         """Return snapshot k, from 0 to n_snapshots − 1. Raises `IndexError` for any other."""
@@ -146,7 +149,9 @@ class Run:
             raise IndexError(f"snapshot {k} of {self.n_snapshots}")
         at = {name: layout.index_of(QUANTITIES[name], k, self.n_particles) for name in self._datasets}
         with _refusing_damage(self.path):
-            return Snapshot(float(self.times[k]), {name: self._datasets[name][at[name]] for name in at})
+            values = {name: self._datasets[name][at[name]] for name in at}
+        self._check_length()
+        return Snapshot(float(self.times[k]), values)
 
     def __repr__(self) -> str:
         from pod.facts import (
@@ -175,6 +180,13 @@ class Run:
             facts["fluid"] = f"{' × '.join(str(cells) for cells in reversed(self.grid.shape))} cells"
         return facts
 
+    def digest(self) -> str:
+        """Return what tells one run from another at the same place: the SHA-256 of times, origin and last snapshot."""
+        digest = hashlib.sha256(self.times.tobytes() + json.dumps(self.provenance, sort_keys=True).encode())
+        for values in self.snapshot(self.n_snapshots - 1).values.values() if self.n_snapshots else ():
+            digest.update(np.ascontiguousarray(values).tobytes())
+        return digest.hexdigest()
+
     def close(self) -> None:
         """Close the file; the variables taken from it can no longer be read."""
         self._file.close()
@@ -186,6 +198,11 @@ class Run:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _check_length(self) -> None:
+        """Refuse a file that has become shorter since it was opened: HDF5 reads zeros behind its end."""
+        if os.fstat(self._file.id.get_vfd_handle()).st_size < self._size:
+            raise Refusal(f"{self.path} was cut while it was read; make it again, or wait until it is copied")
 
     def _check_version(self) -> None:
         plan = layout.hard_node(self._file, layout.PLAN)

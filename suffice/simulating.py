@@ -211,5 +211,6 @@ def _run(record: Recorder, path: Path, reporter: Reporter) -> None:
             if asked and not record.ended:
                 raise InterruptedRunError(
                     f"stopped at t = {simulation.time:g} s; {path} keeps {record.writer.n_complete} of "
-                    f"{simulation.snapshots} snapshots, the same command goes on from there (simulate: with --resume)"
+                    f"{simulation.snapshots} snapshots, the same command goes on from there (simulate: with --resume)",
+                    *asked[:1],
                 )

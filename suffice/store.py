@@ -250,7 +250,9 @@ def _unwritable(path: Path, error: Exception) -> Refusal:
 
 
 def _holds_run(path: Path) -> bool:
-    """Tell a run, which may be replaced, from any other file."""
+    """Tell a run, which may be replaced, from any other file; a pipe would not be read to its end."""
+    if not path.is_file():
+        return False
     try:
         with h5py.File(path, "r", locking=False) as file:
             return layout.PLAN in file

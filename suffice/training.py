@@ -44,7 +44,7 @@ class Wish(NamedTuple):
     resume: bool = False
 
 
-def train_model(source: Path, folder: Path, wish: Wish, reporter: Reporter) -> dict[str, Any]:
+def train_model(run: Run, folder: Path, wish: Wish, reporter: Reporter) -> dict[str, Any]:
     """Fit one surrogate to a variable of a run, write it with its modes, and return its card in plain types.
 
     A network leaves its states and a log in the folder on the way and can be resumed. Raises Refusal,
@@ -54,19 +54,18 @@ def train_model(source: Path, folder: Path, wish: Wish, reporter: Reporter) -> d
     if wish.resume and not is_trained(wish.surrogate):
         raise Refusal(f"--resume with --surrogate {wish.surrogate}: only networks are trained in steps; leave it out")
     check_model_place(folder)
-    with Run(source) as run:
-        subset = _subset(run, wish.interval)
-        unseen = np.setdiff1d(subset.testing, subset.training)
-        values, rates = held(run, wish.variable), held_rates(run, wish.variable, [wish.surrogate])
-        case = Case(values, rates, run.times, subset.training, unseen)
-        try:
-            reduced = reduce(case, wish.energy)
-        except UnfitSnapshots as error:
-            raise Refusal(f"{wish.variable}: {error}") from None
-        n_c = consistent_level(reduced, case, CONSISTENCY)
-        n = _modes(wish, reduced, n_c)
-        surrogate = _fitted(wish, case, reduced, n, folder, reporter)
-        model = _model(run, wish, case, reduced, surrogate, (n, n_c))
+    subset = _subset(run, wish.interval)
+    unseen = np.setdiff1d(subset.testing, subset.training)
+    values, rates = held(run, wish.variable), held_rates(run, wish.variable, [wish.surrogate])
+    case = Case(values, rates, run.times, subset.training, unseen)
+    try:
+        reduced = reduce(case, wish.energy)
+    except UnfitSnapshots as error:
+        raise Refusal(f"{wish.variable}: {error}") from None
+    n_c = consistent_level(reduced, case, CONSISTENCY)
+    n = _modes(wish, reduced, n_c)
+    surrogate = _fitted(wish, case, reduced, n, folder, reporter)
+    model = _model(run, wish, case, reduced, surrogate, (n, n_c))
     save_model(folder, model)
     return dict(model.card)
 

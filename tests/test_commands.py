@@ -2,18 +2,23 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
+from suffice import door
+from suffice.door import hear_what_is_dropped, run_command
 from suffice.store import Run, RunWriter
 
 ENTRY = Path(sys.executable).with_name("suffice")
 REFUSED, DONE, FAILED = 2, 0, 1
+TOLD = "suffice: interrupted; finished stages are kept, run the same command again\n"
 
 
 @pytest.fixture
@@ -428,4 +433,71 @@ def test_ctrl_c_is_said_in_a_sentence(beads):
         env=os.environ | {"COLUMNS": "200"},
     )
     assert stopped.returncode == 130
-    assert stopped.stderr == "suffice: interrupted; finished stages are kept, run the same command again\n"
+    assert stopped.stderr == TOLD
+
+
+@pytest.mark.parametrize(("by", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
+def test_a_signal_that_asks_to_stop_is_said_in_a_sentence(capsys, by, code):
+    assert run_command(lambda: signal.raise_signal(signal.Signals[by])) == code
+    assert capsys.readouterr().err == TOLD
+
+
+def test_nohup_is_left_its_wish(capsys):
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        assert run_command(lambda: signal.raise_signal(signal.SIGHUP)) == DONE
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert capsys.readouterr().err == ""
+
+
+def test_ctrl_c_that_python_drops_in_a_callback_is_heard(capsys, monkeypatch):
+    for hook in ("unraisablehook", "excepthook"):
+        monkeypatch.setattr(sys, hook, getattr(sys, hook))
+
+    class Dropping:
+        def __del__(self):
+            signal.raise_signal(signal.SIGINT)
+
+    def command():
+        hear_what_is_dropped()
+        Dropping()
+        time.sleep(20)
+
+    began = time.monotonic()
+    assert run_command(command) == 130
+    assert time.monotonic() - began < 10
+    assert capsys.readouterr().err == TOLD
+
+
+def test_an_impatient_second_ctrl_c_does_not_spoil_the_message(capsys, monkeypatch):
+    say = door._say
+
+    def impatient(*words):
+        signal.raise_signal(signal.SIGINT)
+        return say(*words)
+
+    monkeypatch.setattr(door, "_say", impatient)
+    assert run_command(lambda: signal.raise_signal(signal.SIGINT)) == 130
+    assert capsys.readouterr().err == TOLD
+
+
+@pytest.mark.usefixtures("here")
+def test_a_standard_output_that_is_full_is_one_message():
+    plain = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    with open("/dev/full", "w") as full:
+        answer = subprocess.run(
+            [ENTRY, "scenes"], stdout=full, stderr=subprocess.PIPE, text=True, check=False, env=plain
+        )
+    assert (answer.returncode, answer.stderr) == (FAILED, "suffice: failed: [Errno 28] No space left on device\n")
+
+
+def test_json_goes_into_a_pipe_and_not_over_it(suffice, write_run, here):
+    write_run(here / "run.h5", n_snapshots=5)
+    os.mkfifo("pipe")
+    reader = os.open("pipe", os.O_RDONLY | os.O_NONBLOCK)
+    assert suffice("info", "run.h5", "--json", "pipe").code == DONE
+    assert json.loads(os.read(reader, 1 << 16))["n_snapshots"] == 5
+    os.close(reader)
+    assert Path("pipe").is_fifo()
+    assert names(here) == ["pipe", "run.h5", "run.particles.vtkhdf"]

@@ -30,7 +30,8 @@ def source(write_run, tmp_path):
 
 
 def trained(source, folder, name="spline", variable="position", **more):
-    return train_model(source, folder, Wish(variable, INTERVAL, name, **more), QUIET)
+    with Run(source) as run:
+        return train_model(run, folder, Wish(variable, INTERVAL, name, **more), QUIET)
 
 
 @pytest.mark.parametrize("name", MODAL)
@@ -169,8 +170,8 @@ def change_array(folder, name, change):
 )
 def test_what_cannot_be_trained_is_refused_and_nothing_written(source, tmp_path, change, says):
     wish = Wish("position", INTERVAL, "spline")._replace(**change)
-    with pytest.raises(Refusal, match=says):
-        train_model(source, tmp_path / "model", wish, QUIET)
+    with Run(source) as run, pytest.raises(Refusal, match=says):
+        train_model(run, tmp_path / "model", wish, QUIET)
     assert not (tmp_path / "model").exists()
 
 

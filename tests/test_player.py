@@ -118,7 +118,8 @@ def test_the_surrogate_that_is_shown_is_the_one_that_train_makes(run, tmp_path):
     player = player_of(run, results())
     for i, found in enumerate(player.facts["predictions"]):
         wish = Wish("position", found["interval"], found["surrogate"])
-        card = train_model(run, tmp_path / f"model{i}", wish, Reporter())
+        with Run(run) as opened:
+            card = train_model(opened, tmp_path / f"model{i}", wish, Reporter())
         assert (found["surrogate"], found["modes"]) == ("hermite", card["n_modes"])
         assert found["rmse"] == pytest.approx(card["rmse"], rel=1e-9)
     assert player.facts["predictions"][0]["rmse"] > 2 * player.facts["predictions"][1]["rmse"] > 0
