@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from suffice.readers.box import Box, box_of
 from suffice.readers.clock import Stamps
 from suffice.readers.columns import read_columns
 from suffice.readers.header import CUT_REMEDY, Header, read_header
@@ -115,24 +116,28 @@ class Dump:
             raise Refusal(f"{text.path} changed while it was read; import it when it is complete")
         table = read_columns(lines, header.columns, self.used, where)
         of = dict(zip(self.used, table.T, strict=True))
-        position = table[:, 1:4] if self.position[0] in ("x", "xu") else self._unscaled(table[:, 1:4], header)
+        position = table[:, 1:4]
+        if self._scaled:
+            position = self._box(header).at(position)
         if self._unwraps:
-            crossings = np.column_stack([of[name] for name in IMAGES])
-            position = position + crossings * (header.box[:, 1] - header.box[:, 0])
+            position = position + self._box(header).shift(np.column_stack([of[name] for name in IMAGES]))
         motions = {name: np.column_stack([of[column] for column in three]) for name, three in self.motions.items()}
         size = next((name for name in SIZES if name in of), None)
         radius = None if size is None else SIZES[size] * of[size]
         species = of[SPECIES].astype(np.int64) if SPECIES in of else None
         return Frame(where, of["id"].astype(np.int64), {"position": position, **motions}, radius, species)
 
-    def _unscaled(self, fraction: NDArray[np.float64], header: Header) -> NDArray[np.float64]:
-        if header.box.shape != (3, 2):
+    def _box(self, header: Header) -> Box:
+        if (box := box_of(header)) is None:
             raise Refusal(
-                f"{self.files[0].path} step {header.step}: columns {' '.join(self.position)} of a tilted or "
-                "missing box cannot be turned into metres; dump x y z or xu yu zu"
+                f"{self.files[0].path} step {header.step}: columns {' '.join(self.position)} without ITEM: BOX BOUNDS "
+                "cannot be turned into metres; dump x y z or xu yu zu"
             )
-        position: NDArray[np.float64] = header.box[:, 0] + fraction * (header.box[:, 1] - header.box[:, 0])
-        return position
+        return box
+
+    @property
+    def _scaled(self) -> bool:
+        return self.position[0] in ("xs", "xsu")
 
     @cached_property
     def _wrapped(self) -> bool:
@@ -140,8 +145,7 @@ class Dump:
 
     @cached_property
     def _unwraps(self) -> bool:
-        upright = all(header.box.shape == (3, 2) for header in self.headers)
-        return self._wrapped and upright and set(IMAGES) <= set(self.columns)
+        return self._wrapped and set(IMAGES) <= set(self.columns)
 
     def _choose_position(self) -> tuple[str, str, str]:
         found = next((three for three in POSITIONS if set(three) <= set(self.columns)), None)

@@ -24,7 +24,7 @@ class Header(NamedTuple):
     step: int
     time: float | None  # s
     n: int  # atoms
-    box: NDArray[np.float64]  # (3, 2) lower and upper corner, m; more columns when the box is tilted
+    box: NDArray[np.float64]  # (3, 2) lower and upper corner, m; three or four columns when the box is tilted
     faces: tuple[str, ...]  # of the box, as written: pp pp ff
     units: str | None
     columns: tuple[str, ...]

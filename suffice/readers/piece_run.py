@@ -50,15 +50,17 @@ class PieceRun:
     """
 
     def __init__(self, sources: Sequence[PieceSource], mapped: Mapping[str, str], notes: Sequence[str] = ()) -> None:
-        groups = [group for source in sources if (group := _group(source, mapped)) is not None]
+        walls = [source for source in sources if source.head.facts["kind"] == "walls"]
+        groups = [group for source in sources if source not in walls and (group := _group(source, mapped)) is not None]
         self._particles = _only("particles", [group for group in groups if group.cells is None])
         self._fluid = _only("fields", [group for group in groups if group.cells is not None])
         self._groups = [group for group in (self._particles, self._fluid) if group is not None]
         if not self._groups:
-            raise Refusal("the sources hold no particles, and the fluid is left out; give the files of the particles")
+            held = "walls alone" if walls else "no particles, and the fluid is left out"
+            raise Refusal(f"the sources hold {held}; give the files of the particles")
         self.stamps = self._groups[0].source.stamps
         self._check_together()
-        self._notes = notes
+        self._notes = [*notes, *(f"{source.stamps.n} files of walls left out: {source.where(0)}" for source in walls)]
 
     @property
     def grid(self) -> Grid | None:

@@ -1,4 +1,4 @@
-"""VTK files, one for each snapshot: LIGGGHTS, Yade, MFiX and ParaView write particles so, and fields on a grid."""
+"""VTK files, one or several for each snapshot: LIGGGHTS, Yade, MFiX and ParaView write particles and fields so."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from suffice.readers.clock import Stamps
+from suffice.readers.parts import GHOSTS, join
 from suffice.readers.piece_run import PieceRun, PieceSource, Read
 from suffice.readers.series import NUMBER, Entry, entries_of
 from suffice.readers.vtk_process import Piece, VtkProcess
@@ -45,7 +46,11 @@ class FileSeries:
     def opened(self) -> Iterator[Read]:
         """Start VTK, and return what reads snapshot k with it."""
         with VtkProcess() as vtk:
-            yield lambda k, names: vtk.read(self.entries[k].path, self.entries[k].type, names)
+            yield lambda k, names: self._read(vtk, k, names)
+
+    def _read(self, vtk: VtkProcess, k: int, names: Sequence[str] | None) -> Piece:
+        wanted = None if names is None else [*names, GHOSTS]
+        return join([vtk.read(part.path, part.type, wanted) for part in self.entries[k].parts], self.where(k))
 
     def _read_stamps(self, read: Read) -> Stamps:
         """Return times from a list of files, or from inside the files; and step numbers from their names otherwise."""
@@ -54,14 +59,19 @@ class FileSeries:
             return Stamps(n, None, np.array([entry.time for entry in self.entries], float), "the list of files")
         steps = [entry.step for entry in self.entries]
         numbered = None if None in steps else np.array(steps, np.int64)
-        if n > 1 and numbered is None:
-            raise Refusal(f"{self.where(steps.index(None))} has no number in its name; give a .pvd that says the times")
+        if n > 1 and numbered is None and _time_in(self.head) is None:
+            where = self.where(steps.index(None))
+            raise Refusal(f"{where} has no number in its name, nor a time in it; give a .pvd that says the times")
         if _time_in(self.head) is None:
             return Stamps(n, numbered)
-        times = [_time_in(read(k, ())) for k in range(n)]
-        if None in times:
-            raise Refusal(f"{self.where(times.index(None))} does not say its time, as {self.where(0)} does; add it")
-        return Stamps(n, numbered, np.array(times, float), "the files themselves")
+        said = [_time_in(read(k, ())) for k in range(n)]
+        if None in said:
+            raise Refusal(f"{self.where(said.index(None))} does not say its time, as {self.where(0)} does; add it")
+        times = np.array(said, float)
+        if numbered is None:  # the folder tells them apart, not the name
+            order = np.argsort(times, kind="stable")
+            self.entries, times = [self.entries[i] for i in order], times[order]
+        return Stamps(n, numbered, times, "the files themselves")
 
 
 def _grouped(sources: Sequence[Path]) -> Iterator[list[Entry]]:
