@@ -329,7 +329,7 @@ def test_a_damaged_legacy_file_is_refused(tmp_path, spoil, binary):
         ('<DataSet file="beads_0.vtu"/>', r"no whole list"),
         ('<DataSet timestep="0" file="beads_0.vtu">', r"no whole list"),
         ("", r"lists no files"),
-        ('<DataSet timestep="0" file="beads_0.vtu"/><DataSet timestep="0" file="beads_100.vtu"/>', r"at one time"),
+        ('<DataSet timestep="0" file="beads_0.vtu"/><DataSet timestep="0" file="beads_100.vtu"/>', r"3 stands there twice"),
         ('<DataSet timestep="0" file="a.pvd"/>', r"a.pvd is a VTK file of type Collection"),
         ('<DataSet timestep="nan" file="beads_0.vtu"/>', r"time of snapshot 0 is nan s"),
     ],

@@ -21,8 +21,8 @@ class Box(NamedTuple):
     def shift(self, crossings: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how far (n, 3) in m these multiples (n, 3) of the edges lead."""
         # term by term: what a zero edge adds is exactly zero, so an upright box stays as exact as high − low
-        one, two, three = (crossings[:, [i]] * self.edges[i] for i in range(3))
-        return one + two + three
+        way: NDArray[np.float64] = sum((crossings[:, [i]] * self.edges[i] for i in range(3)), np.zeros(3))
+        return way
 
 
 def box_of(header: Header) -> Box | None:

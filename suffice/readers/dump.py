@@ -1,6 +1,6 @@
 """Dumps of LAMMPS and LIGGGHTS: the text of `dump custom`, atoms in any order, columns in any order."""
 
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
@@ -12,6 +12,7 @@ from suffice.readers.box import Box, box_of
 from suffice.readers.clock import Stamps
 from suffice.readers.columns import read_columns
 from suffice.readers.header import CUT_REMEDY, Header, read_header
+from suffice.readers.restarts import Place, Restart, find_restarts, restarted
 from suffice.readers.text import Text, open_text
 from suffice.readers.trajectory import Frame
 from suffice.refusal import Refusal
@@ -47,8 +48,15 @@ class Dump:
 
     def __init__(self, sources: Sequence[Path]) -> None:
         self.files = sorted((survey(path) for path in sources), key=lambda file: file.headers[0].step)
-        self.headers = [header for file in self.files for header in file.headers]
-        self.columns = self.headers[0].columns
+        self.columns = self.files[0].headers[0].columns
+        self.restarts = find_restarts([file.headers for file in self.files], [file.path for file in self.files])
+        dropped = {place for restart in self.restarts for place in restart.dropped}
+        self.headers = [
+            header
+            for number, file in enumerate(self.files)
+            for k, header in enumerate(file.headers)
+            if Place(number, k) not in dropped
+        ]
         self._check_columns()
         self.position = self._choose_position()
         self.motions = {name: three for name, three in MOTIONS.items() if set(three) <= set(self.columns)}
@@ -95,19 +103,28 @@ class Dump:
             notes.append("positions unwrapped at periodic faces with ix iy iz")
         elif self._wrapped:
             notes.append("particles jump where they cross a periodic face; dump xu yu zu to avoid it")
-        return notes
+        return notes + [self._told(restart) for restart in self.restarts]
+
+    def _told(self, restart: Restart) -> str:
+        first, file = restart.dropped[0], self.files[restart.at.file]
+        step = self.files[first.file].headers[first.number].step
+        n = len(restart.dropped)
+        return f"{n} snapshots from step {step} on left out: after a restart {file.path} goes on from there"
 
     def frames(self) -> Generator[Frame, None, None]:
         """Read the snapshots in the order of time, holding one in memory.
 
         Raises `Refusal` naming particle, column and step of a number that is none, or not finite.
         """
-        for file in self.files:
+        yield from restarted(self._all_frames(), self.restarts)
+
+    def _all_frames(self) -> Iterator[tuple[Place, Frame]]:
+        for number, file in enumerate(self.files):
             with open_text(file.path) as text:
-                for expected in file.headers:
+                for k, expected in enumerate(file.headers):
                     if (header := read_header(text)) is None or header.step != expected.step:
                         raise Refusal(f"{file.path} changed while it was read; import it when it is complete")
-                    yield self._frame(header, text)
+                    yield Place(number, k), self._frame(header, text)
 
     def _frame(self, header: Header, text: Text) -> Frame:
         where = f"{text.path} step {header.step}"
@@ -130,8 +147,8 @@ class Dump:
     def _box(self, header: Header) -> Box:
         if (box := box_of(header)) is None:
             raise Refusal(
-                f"{self.files[0].path} step {header.step}: columns {' '.join(self.position)} without ITEM: BOX BOUNDS "
-                "cannot be turned into metres; dump x y z or xu yu zu"
+                f"{self.files[0].path} step {header.step}: ITEM: BOX BOUNDS has {header.box.shape[1]} columns, not 2, 3 "
+                f"or 4; columns {' '.join(self.position)} need them: dump xu yu zu"
             )
         return box
 
