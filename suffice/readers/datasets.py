@@ -89,8 +89,8 @@ class Datasets:
         for name, own in stands.items():
             if odd := set(own) ^ set(stands[first]):
                 raise Refusal(
-                    f"{self.path}: {'/'.join(min(odd))} is in one of {first} and {name} alone; every snapshot must hold "
-                    "what the others hold"
+                    f"{self.path}: {'/'.join(min(odd))} is in one of {first} and {name} alone; every snapshot must "
+                    "hold what the others hold"
                 )
 
     def _paths(self, file: Any, pattern: str) -> list[str]:

@@ -50,13 +50,12 @@ class Dump:
         self.files = sorted((survey(path) for path in sources), key=lambda file: file.headers[0].step)
         self.columns = self.files[0].headers[0].columns
         self.restarts = find_restarts([file.headers for file in self.files], [file.path for file in self.files])
-        dropped = {place for restart in self.restarts for place in restart.dropped}
-        self.headers = [
-            header
-            for number, file in enumerate(self.files)
-            for k, header in enumerate(file.headers)
-            if Place(number, k) not in dropped
-        ]
+        again = {place for restart in self.restarts for place in restart.dropped}
+        kept = [(place, header) for place, header in self._places() if place not in again]
+        self.empty = next((k for k, (_, header) in enumerate(kept) if header.n), len(kept))
+        self.kept = dict(kept[self.empty :])
+        self.headers = list(self.kept.values())
+        self._check_atoms()
         self._check_columns()
         self.position = self._choose_position()
         self.motions = {name: three for name, three in MOTIONS.items() if set(three) <= set(self.columns)}
@@ -103,6 +102,8 @@ class Dump:
             notes.append("positions unwrapped at periodic faces with ix iy iz")
         elif self._wrapped:
             notes.append("particles jump where they cross a periodic face; dump xu yu zu to avoid it")
+        if self.empty:
+            notes.append(f"{self.empty} snapshots without atoms before step {self.headers[0].step} left out")
         return notes + [self._told(restart) for restart in self.restarts]
 
     def _told(self, restart: Restart) -> str:
@@ -116,7 +117,13 @@ class Dump:
 
         Raises `Refusal` naming particle, column and step of a number that is none, or not finite.
         """
-        yield from restarted(self._all_frames(), self.restarts)
+        for place, frame in restarted(self._all_frames(), self.restarts):
+            if place in self.kept:
+                yield frame
+
+    def _places(self) -> Iterator[tuple[Place, Header]]:
+        for number, file in enumerate(self.files):
+            yield from ((Place(number, k), header) for k, header in enumerate(file.headers))
 
     def _all_frames(self) -> Iterator[tuple[Place, Frame]]:
         for number, file in enumerate(self.files):
@@ -124,7 +131,8 @@ class Dump:
                 for k, expected in enumerate(file.headers):
                     if (header := read_header(text)) is None or header.step != expected.step:
                         raise Refusal(f"{file.path} changed while it was read; import it when it is complete")
-                    yield Place(number, k), self._frame(header, text)
+                    if header.n:
+                        yield Place(number, k), self._frame(header, text)
 
     def _frame(self, header: Header, text: Text) -> Frame:
         where = f"{text.path} step {header.step}"
@@ -147,8 +155,8 @@ class Dump:
     def _box(self, header: Header) -> Box:
         if (box := box_of(header)) is None:
             raise Refusal(
-                f"{self.files[0].path} step {header.step}: ITEM: BOX BOUNDS has {header.box.shape[1]} columns, not 2, 3 "
-                f"or 4; columns {' '.join(self.position)} need them: dump xu yu zu"
+                f"{self.files[0].path} step {header.step}: BOX BOUNDS has {header.box.shape[1]} columns, not 2 to "
+                f"4; columns {' '.join(self.position)} need them: dump xu yu zu"
             )
         return box
 
@@ -172,6 +180,13 @@ class Dump:
                 "and x y z (or xu yu zu, xs ys zs): dump them"
             )
         return found
+
+    def _check_atoms(self) -> None:
+        if not self.headers:
+            raise Refusal(f"{self.files[0].path} holds no atoms at any step; name a dump that holds some")
+        if not all(header.n for header in self.headers):
+            step = next(header.step for header in self.headers if not header.n)
+            raise Refusal(f"step {step} has 0 atoms; leave snapshots without atoms out")
 
     def _check_columns(self) -> None:
         for file in self.files:

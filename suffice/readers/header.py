@@ -85,10 +85,8 @@ def _header(text: Text, start: int, items: dict[str, _Item]) -> Header:
         units,
         tuple(items["ATOMS"].words),
     )
-    if header.n < 1:
-        raise Refusal(
-            f"{text.path} line {start}: step {header.step} has {header.n} atoms; leave snapshots without atoms out"
-        )
+    if header.n < 0:
+        raise Refusal(f"{text.path} line {start}: step {header.step} has {header.n} atoms; {CUT_REMEDY}")
     if header.time is not None and not np.isfinite(header.time):
         raise Refusal(f"{text.path} line {start}: ITEM: TIME of step {header.step} is {header.time} s; correct it")
     return header

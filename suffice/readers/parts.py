@@ -9,6 +9,12 @@ from suffice.readers.vtk_process import Piece
 from suffice.refusal import Refusal
 
 GHOSTS = "vtkGhostType"  # VTK's name: not zero where a point or cell belongs to another part, or is hidden
+NOTHING = Piece({"kind": "particles", "known": {"point": [], "cell": []}}, {"points": np.zeros((0, 3))})
+
+
+def is_empty(piece: Piece) -> bool:
+    """Tell whether a dataset has neither particles nor cells."""
+    return "points" in piece.arrays and not len(piece.arrays["points"])
 
 
 def join(parts: Sequence[Piece], where: str) -> Piece:
@@ -16,8 +22,8 @@ def join(parts: Sequence[Piece], where: str) -> Piece:
 
     Raises `Refusal` where they are not all particles or all cells of hexahedra.
     """
-    parts = [_without_ghosts(part) for part in parts]
-    filled = [part for part in parts if part.facts["points"]] or parts[:1]
+    parts = [_without_ghosts(part) for part in parts] or [NOTHING]
+    filled = [part for part in parts if not is_empty(part)] or parts[:1]
     if len(filled) == 1:
         return filled[0]
     kinds = {part.facts["kind"] for part in filled}
@@ -40,20 +46,19 @@ def _without_ghosts(part: Piece) -> Piece:
         return part
     sides = (f"{side}:", "points" if side == "point" else "hexahedra")
     arrays = {name: rows[ghosts == 0] if name.startswith(sides) else rows for name, rows in part.arrays.items()}
-    count = int((ghosts == 0).sum())
-    return Piece({**part.facts, "points": count if side == "point" else part.facts["points"]}, arrays)
+    return Piece(part.facts, arrays)
 
 
 def _stacked(parts: Sequence[Piece]) -> Piece:
     """Put the rows of all parts one after another; arrays that only some have are left out."""
     names = [name for name in parts[0].arrays if all(name in part.arrays for part in parts)]
-    facts = {**parts[0].facts, "points": sum(part.facts["points"] for part in parts)}
-    sides = parts[0].facts["known"]
-    facts["known"] = {
-        side: [name for name in known if all(name in part.facts["known"][side] for part in parts)]
-        for side, known in sides.items()
+    known = {
+        side: [name for name in names if all(name in part.facts["known"][side] for part in parts)]
+        for side, names in parts[0].facts["known"].items()
     }
-    return Piece(facts, {name: _rows([part.arrays[name] for part in parts], name) for name in names})
+    return Piece(
+        {**parts[0].facts, "known": known}, {name: _rows([part.arrays[name] for part in parts], name) for name in names}
+    )
 
 
 def _rows(arrays: Sequence[NDArray[np.generic]], name: str) -> NDArray[np.generic]:

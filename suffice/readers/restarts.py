@@ -52,21 +52,19 @@ def find_restarts(headers: Sequence[Sequence[Header]], names: Sequence[object]) 
     return found
 
 
-def restarted(frames: Iterable[tuple[Place, Frame]], restarts: Sequence[Restart]) -> Iterator[Frame]:
-    """Yield the snapshots that count, all being given with their places.
+def restarted(frames: Iterable[tuple[Place, Frame]], restarts: Sequence[Restart]) -> Iterator[tuple[Place, Frame]]:
+    """Yield all snapshots with their places, as they come.
 
     Raises `Refusal` where a run goes on from another state than the one it wrote at that step before.
     """
-    dropped = {place for restart in restarts for place in restart.dropped}
     begins = {restart.at: restart.dropped[0] for restart in restarts}
     held: dict[Place, Frame] = {}
     for place, frame in frames:
         if place in begins.values():
             held[place] = frame
-        if place in begins:
+        if place in begins and begins[place] in held:
             _check_same(held.pop(begins[place]), frame)
-        if place not in dropped:
-            yield frame
+        yield place, frame
 
 
 def _check_same(before: Frame, after: Frame) -> None:

@@ -72,15 +72,15 @@ def _entry(path: Path, parts: Sequence[Part], time: float | None) -> Entry:
 
 
 def _parts(path: Path, listed: bool = False) -> list[Part]:
-    """Return the files that one file stands for; a list of parts may not be `listed` as a part itself."""
+    """Return the files that one file stands for; a list of parts may not be `listed` as a part itself.
+
+    A list without parts is what LIGGGHTS writes of no particles.
+    """
     if not path.is_file():
         raise Refusal(f"source {path} is missing or not a file; check its name")
     kind = type_of(path)
     if kind in IN_PARTS and not listed:
-        parts = [part for file in _read_parts(path) for part in _parts(_beside(path, file), True)]
-        if not parts:
-            raise Refusal(f"source {path} lists no files; write it again")
-        return parts
+        return [part for file in _read_parts(path) for part in _parts(_beside(path, file), True)]
     if kind not in ("legacy", "PolyData", "UnstructuredGrid", "ImageData"):
         what = f"a VTK file of type {kind}" if kind else "no file of VTK"
         raise Refusal(

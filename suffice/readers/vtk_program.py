@@ -22,6 +22,7 @@ READERS = {
     "UnstructuredGrid": ("vtkIOXML", "vtkXMLUnstructuredGridReader"),
     "ImageData": ("vtkIOXML", "vtkXMLImageDataReader"),
 }
+NO_POINTS = "No points read!"  # what VTK warns of in a legacy file without particles
 TEXT = 1  # VTK's number of a legacy file that is not binary
 LINES_OF_HEAD = 4
 # VTK's numbers of cell types: empty, vertex, poly-vertex; line, poly-line, triangle, strip, polygon, pixel, quad
@@ -195,9 +196,10 @@ def answer(request: Any) -> tuple[Any, list[Any]]:
     else:
         datasets = read_file(request)
     if text := said.GetOutput().strip():
-        lines = [line.strip() for line in text.splitlines() if line.strip()]
-        told = next((line for line in lines if not line.startswith("ERROR")), lines[0])
-        raise BrokenFileError(re.sub(r"^vtk\w+ \(0x\w+\): ", "", told)[:200])
+        lines = [re.sub(r"^vtk\w+ \(0x\w+\): ", "", line.strip()) for line in text.splitlines() if line.strip()]
+        told = [line for line in lines if not line.startswith(("ERROR", "Warning"))] or lines
+        if told != [NO_POINTS]:
+            raise BrokenFileError(told[0][:200])
     pieces = [describe(name, data, request.get("wanted")) for name, data in datasets]
     heads = [
         facts | {"arrays": {key: [array.dtype.str, array.shape] for key, array in arrays.items()}}
