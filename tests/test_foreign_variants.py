@@ -157,15 +157,41 @@ def test_a_case_whose_processors_do_not_hold_the_same_is_refused(unpacked, tmp_p
     assert not (tmp_path / "run.h5").exists()
 
 
-@pytest.mark.usefixtures("vtk")
-def test_a_compressed_case_is_the_same_run(unpacked, tmp_path):
+@pytest.fixture
+def box(unpacked):
+    """The first six times of a case."""
     case = unpacked("openfoam", "box") / "box"
-    with imported(case, tmp_path / "plain.h5") as plain:
-        for path in [*case.glob("0*/*"), *case.glob("0*/lagrangian/*/*"), *case.glob("constant/polyMesh/*")]:
+    for path in case.glob("0.*"):
+        if float(path.name) > 0.03:
+            shutil.rmtree(path)
+    return case
+
+
+@pytest.mark.usefixtures("vtk")
+def test_a_compressed_case_is_the_same_run(box, tmp_path):
+    with imported(box, tmp_path / "plain.h5") as plain:
+        for path in [*box.glob("0*/*"), *box.glob("0*/lagrangian/*/*"), *box.glob("constant/polyMesh/*")]:
             if path.is_file():  # as `writeCompression on` does
                 path.with_name(f"{path.name}.gz").write_bytes(gzip.compress(path.read_bytes()))
                 path.unlink()
-        with imported(case, tmp_path / "packed.h5") as packed:
+        with imported(box, tmp_path / "packed.h5") as packed:
             assert packed.variables == plain.variables
             for name in plain.variables:
                 assert np.array_equal(packed.variable(name)[:], plain.variable(name)[:])
+
+
+@pytest.mark.usefixtures("vtk")
+def test_a_cloud_in_a_flow_that_is_not_written_and_a_flow_without_its_cloud_are_runs(box, tmp_path):
+    with imported(box, tmp_path / "run.h5", maps=["cloud=none"]) as run:
+        assert (run.n_particles, run.quantities) == (0, ("fluid.velocity", "fluid.pressure", "fluid.void_fraction"))
+    flow = (box / "0.02" / "U.air").read_bytes()
+    for path in box.glob("0.*/*"):
+        if path.is_file():
+            path.unlink()
+    with imported(box, tmp_path / "run.h5") as run:
+        assert (run.n_particles, run.n_snapshots, run.grid) == (64, 6, None)
+    (box / "0.02" / "U.air").write_bytes(flow)
+    with pytest.raises(
+        Refusal, match=r"time 0.02 holds U.air \[m/s\], the last time, 0.03 s, no fields at all; remove"
+    ):
+        import_run(box, tmp_path / "run.h5")

@@ -1,6 +1,5 @@
 """One run of LAMMPS, brought in by every format that holds it whole, gets one verdict: the same numbers of modes."""
 
-import gzip
 import lzma
 
 import h5py
@@ -12,7 +11,6 @@ from suffice.readers import import_run
 from suffice.selecting import select_run
 from suffice.store import Run
 from suffice.views import view_paths
-from suffice.xml_vtk import write_particles
 
 VARIABLES = ["position.x", "velocity.z"]
 
@@ -41,7 +39,7 @@ def values_of(run, k):
     return {name: np.asarray(rows)[mixed] for name, rows in (run.snapshot(k).values | once).items()}
 
 
-def as_text(run, folder, compress, suffix):
+def as_text(run, folder):
     columns = "id type x y z vx vy vz radius"
     for k in range(run.n_snapshots):
         values = values_of(run, k)
@@ -50,21 +48,8 @@ def as_text(run, folder, compress, suffix):
         lines = [f"{int(i)} {int(t)} {' '.join(repr(float(x)) for x in rest)}" for i, t, *rest in rows]
         box = "ITEM: BOX BOUNDS ff ff ff\n" + 3 * "0 1\n"
         text = f"{head}{box}ITEM: ATOMS {columns}\n" + "\n".join(lines) + "\n"
-        (folder / f"a.{k}.dump{suffix}").write_bytes(compress(text.encode()))
+        (folder / f"a.{k}.dump.xz").write_bytes(lzma.compress(text.encode()))
     return [*folder.iterdir()], {}
-
-
-def as_parts(run, folder):
-    """Snapshots of two .vtu each, and their .pvtu."""
-    for k in range(run.n_snapshots):
-        values = values_of(run, k)
-        for part in range(2):
-            held = {name: rows[part::2] for name, rows in values.items()}
-            write_particles(folder / f"p_{k}_{part}.vtu", float(run.times[k]), held.pop("position"), held)
-        pieces = "".join(f'<Piece Source="p_{k}_{part}.vtu"/>' for part in range(2))
-        text = f'<VTKFile type="PUnstructuredGrid"><PUnstructuredGrid>{pieces}</PUnstructuredGrid></VTKFile>'
-        (folder / f"p_{k}.pvtu").write_text(text)
-    return [*folder.glob("*.pvtu")], {}
 
 
 def as_mfix(run, folder):
@@ -119,17 +104,15 @@ def exported(run, folder, format):
 
 
 FORMATS = {
-    "dumps of LAMMPS, gz": lambda run, folder: as_text(run, folder, gzip.compress, ".gz"),
-    "dumps of LAMMPS, xz": lambda run, folder: as_text(run, folder, lzma.compress, ".xz"),
+    "dumps of LAMMPS, xz": as_text,
     "export to npz": lambda run, folder: exported(run, folder, "npz"),
     "export to vtu": lambda run, folder: exported(run, folder, "vtu"),
-    "parts of vtu": as_parts,
     "vtp as MFiX": as_mfix,
     "HDF5, mapped": as_h5md,
     "HDF5 in groups": as_groups,
     "view in VTKHDF": lambda run, _: ([view_paths(run.path)[0]], {}),
 }
-OF_VTK = {"export to vtu", "parts of vtu", "vtp as MFiX"}
+OF_VTK = {"export to vtu", "vtp as MFiX"}
 
 
 @pytest.mark.physics

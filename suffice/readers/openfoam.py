@@ -93,6 +93,7 @@ class OpenFoamCase:
                     self._check_same(self.chosen, pieces[self.cloud], where)
                     frame = particles_of(pieces[self.cloud], self.chosen, where)
                 fields = {}
+                self._check_without_fields(pieces, where)
                 if self.fields is not None and self.cells is not None:
                     self._check_same(self.fields, pieces[MESH], where)
                     fields = fields_of(pieces[MESH], self.fields, self.cells, where)
@@ -136,7 +137,7 @@ class OpenFoamCase:
         return clouds[name], choose(pieces[clouds[name]], self.mapped, str(self.case))
 
     def _choose_fields(self, pieces: Mapping[str, Piece]) -> tuple[Cells | None, Chosen | None]:
-        if MESH not in pieces or self.mapped.get("fluid") == "none":
+        if self.mapped.get("fluid") == "none" or not _fields_in(pieces):
             return None, None
         return cells_of(pieces[MESH], str(self.case)), choose(pieces[MESH], self.mapped, str(self.case))
 
@@ -148,12 +149,24 @@ class OpenFoamCase:
                 "damaged; write that again, or remove it"
             )
 
+    def _check_without_fields(self, pieces: Mapping[str, Piece], where: str) -> None:
+        found = _fields_in(pieces) if self.fields is None and self.mapped.get("fluid") != "none" else []
+        if found:
+            raise Refusal(
+                f"{where} holds {', '.join(found)}, the last time, {self.times[-1]:g} s, no fields at all; remove that "
+                "time, or leave the fluid out with --map fluid=none"
+            )
+
     def _holds_all(self, pieces: Mapping[str, Piece]) -> bool:
-        cells = pieces[MESH].facts["known"]["cell"] if MESH in pieces else []
+        cells = _fields_in(pieces)
         parcels = pieces[self.cloud].facts["known"]["point"] if self.cloud in pieces else []
         return (self.chosen is None or set(self.chosen.names) <= set(parcels)) and (
             self.fields is None or set(self.fields.names) <= set(cells)
         )
+
+
+def _fields_in(pieces: Mapping[str, Piece]) -> list[str]:
+    return list(pieces[MESH].facts["known"]["cell"]) if MESH in pieces else []
 
 
 def is_case(path: Path) -> bool:
