@@ -44,6 +44,11 @@ def test_dumps_of_a_tilted_box_that_shears_flips_and_restarts_are_what_lammps_un
             for axis in "xyz":
                 there = unwrapped.variable(f"position.{axis}")[:]
                 assert np.abs(run.variable(f"position.{axis}")[:] - there).max() < digits
+        said = dict(np.concatenate([np.loadtxt(folder / f"energy.{part}") for part in ("before", "after")]))
+        mass = 2500.0 * 4 / 3 * np.pi * unwrapped.radius**3
+        for k, step in enumerate(sorted(said)):
+            energy = 0.5 * mass @ np.square(unwrapped.snapshot(k).values["velocity"]).sum(axis=1)
+            assert energy == pytest.approx(said[step], rel=1e-6)  # seven digits of each velocity
         told = r"1 snapshots from step 9600 on left out: after a restart \S+scaled.after.dump goes on from there"
         assert re.search(told, scaled.provenance["notes"])
         judged(unwrapped, "position.x", "velocity.z")

@@ -285,6 +285,7 @@ def with_an_extra_column(path):
             ),
             r"BOX BOUNDS has 5 columns, not 2 to 4",
         ),
+        (lambda path: dump(path, box=("BOX BOUNDS", "0 1 inf", "0 1 0", "0 1 0")), r"BOX BOUNDS is .*, not numbers"),
         (lambda path: dump(path, above=("ITEM: UNITS", "cgs")), r"UNITS is cgs; suffice reads SI"),
         (lambda path: dump(path, above=("ITEM: ENTRIES a b",)), r"'ITEM: ENTRIES a b' stands where a dump of atoms"),
     ],

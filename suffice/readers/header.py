@@ -94,6 +94,9 @@ def _header(text: Text, start: int, items: dict[str, _Item]) -> Header:
 
 def _box(text: Text, start: int, lines: list[str]) -> NDArray[np.float64]:
     try:
-        return np.array([[float(word) for word in line.split()] for line in lines]).reshape(len(lines), -1)
+        box = np.array([[float(word) for word in line.split()] for line in lines]).reshape(len(lines), -1)
+        if np.isfinite(box).all():
+            return box
     except ValueError:
-        raise Refusal(f"{text.path} line {start}: ITEM: BOX BOUNDS is {lines}, not numbers; {CUT_REMEDY}") from None
+        pass
+    raise Refusal(f"{text.path} line {start}: ITEM: BOX BOUNDS is {lines}, not numbers; {CUT_REMEDY}")
