@@ -1,6 +1,7 @@
 """Scenes in a line, and the command line in a call."""
 
 import os
+import tarfile
 from collections.abc import Callable, Iterator
 from math import inf
 from pathlib import Path
@@ -76,6 +77,24 @@ def reference() -> Path:
     if not folder.exists() and "CI" not in os.environ:
         pytest.skip("the foreign run is not beside this checkout (../shared/reference)")
     return folder
+
+
+@pytest.fixture
+def unpacked(tmp_path: Path) -> Callable[[str, str], Path]:
+    """Unpack files that a program wrote, kept in `reference/PROGRAM/` with the deck that made them."""
+
+    def unpack(program: str, archive: str) -> Path:
+        with tarfile.open(Path(__file__).parent / "reference" / program / f"{archive}.tar.xz") as tar:
+            tar.extractall(tmp_path / program, filter="data")
+        return tmp_path / program
+
+    return unpack
+
+
+@pytest.fixture
+def vtk() -> None:
+    """Skip where VTK, an extra, is not installed."""
+    pytest.importorskip("vtkmodules.vtkIOLegacy")
 
 
 @pytest.fixture(scope="session")

@@ -75,6 +75,79 @@ def test_h5md_is_read_by_mapping_its_datasets(tmp_path):
         import_run(tmp_path / "a.h5", tmp_path / "run2.h5")
 
 
+def grouped(path, digits=0):
+    """A group for each snapshot, as many codes write: particles in another order each time."""
+    with h5py.File(path, "w") as file:
+        for k in range(S):
+            mixed = np.random.default_rng(k).permutation(N)
+            group = file.create_group(f"data/step_{4 * k:0{digits}}/beads")
+            for name, rows in motion().items():
+                group[name] = rows[k][mixed]
+            group["id"], group["size"] = IDS[mixed], (1e-3 + 1e-4 * IDS)[mixed]
+            group.attrs["time"], group["t"] = TIMES[k], [TIMES[k]]
+        file["data/mesh/x"] = np.arange(3)
+    return path
+
+
+GROUPED = {"position": "position", "velocity": "velocity", "id": "id", "radius": "size", "time": "t"}
+
+
+def maps_of(names, pattern="/data/step_*/beads/"):
+    return [f"{what}={pattern}{name}" for what, name in names.items()]
+
+
+def test_hdf5_with_a_group_for_each_snapshot_is_read_in_the_order_of_their_numbers(tmp_path):
+    source = grouped(tmp_path / "a.h5")  # step_0, step_12, step_16, step_4, step_8 by their letters
+    with imported(source, tmp_path / "run.h5", maps=maps_of(GROUPED)) as run:
+        check(run)
+    attribute = [
+        *maps_of({what: name for what, name in GROUPED.items() if what != "time"}),
+        "time=/data/step_*/beads@time",
+    ]
+    with imported(source, tmp_path / "run.h5", maps=attribute) as run:
+        check(run)
+
+
+def lost(path):
+    with h5py.File(grouped(path), "r+") as file:
+        del file["data/step_8/beads/id"]
+
+
+def shrunk(path):
+    with h5py.File(grouped(path), "r+") as file:
+        group = file["data/step_8/beads"]
+        for name in ("position", "velocity", "id", "size"):
+            rows = group[name][:-1]
+            del group[name]
+            group[name] = rows
+
+
+@pytest.mark.parametrize(
+    ("make", "maps", "says"),
+    [
+        (grouped, {}, r"has no array position .* with a group for each snapshot NAME is /\*/"),
+        (lost, GROUPED, r"/data/step_8/beads has no id; name the groups of the snapshots alone"),
+        (shrunk, GROUPED, r"/data/step_8/beads/position has shape \(6, 3\), /data/step_0/beads/position has \(7, 3\)"),
+        (grouped, GROUPED | {"time": "no"}, r"/data/step_0/beads has no no; name the groups"),
+        (grouped, GROUPED | {"position": "position@no"}, r"has no number /data/step_0/beads/position@no"),
+    ],
+)
+def test_groups_that_do_not_hold_the_same_are_refused(tmp_path, make, maps, says):
+    make(tmp_path / "a.h5")
+    with pytest.raises(Refusal, match=says):
+        import_run(tmp_path / "a.h5", tmp_path / "run.h5", maps=maps_of(maps))
+
+
+def test_datasets_of_other_snapshots_are_not_taken_together(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for k in range(S):
+            file[f"place/{k}"] = motion()["position"][k]
+            file[f"speed/{k if k < 3 else k + 1}"] = motion()["velocity"][k]
+    maps = ["position=/place/*", "velocity=/speed/*"]
+    with pytest.raises(Refusal, match=r"3 is in one of /place/\* and /speed/\* alone"):
+        import_run(tmp_path / "a.h5", tmp_path / "run.h5", maps=maps, interval=0.002)
+
+
 def test_arrays_without_ids_keep_their_rows_and_say_so(tmp_path):
     np.savez(tmp_path / "a.npz", **arrays(id=None))
     with imported(tmp_path / "a.npz", tmp_path / "run.h5") as run:

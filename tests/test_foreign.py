@@ -1,8 +1,6 @@
 """Runs written by other programs, kept in `reference/` with the decks that made them, from file to verdict."""
 
 import re
-import tarfile
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,27 +10,7 @@ from suffice.refusal import Refusal
 from suffice.selecting import select_run
 from suffice.store import Run
 
-REFERENCE = Path(__file__).parent / "reference"
 VARIABLES = ["position.x", "velocity.z"]
-
-
-@pytest.fixture
-def unpacked(tmp_path):
-    """Unpack the files of a program."""
-
-    def unpack(name):
-        (archive,) = (REFERENCE / name).glob("*.tar.xz")
-        with tarfile.open(archive) as tar:
-            tar.extractall(tmp_path / name, filter="data")
-        return tmp_path / name
-
-    return unpack
-
-
-@pytest.fixture
-def vtk():
-    """Skip where VTK, an extra, is not installed."""
-    pytest.importorskip("vtkmodules.vtkIOLegacy")
 
 
 def imported(sources, output, **options):
@@ -50,7 +28,7 @@ def judged(run, variables=VARIABLES):
 
 
 def test_scaled_unwrapped_and_wrapped_dumps_of_lammps_are_the_same_run(unpacked, tmp_path):
-    folder = unpacked("lammps")
+    folder = unpacked("lammps", "sheared")
     with (
         imported(folder / "scaled.dump.gz", tmp_path / "s.h5") as scaled,
         imported(folder / "unwrapped.dump", tmp_path / "u.h5", timestep=5e-6) as unwrapped,
@@ -72,7 +50,7 @@ def test_scaled_unwrapped_and_wrapped_dumps_of_lammps_are_the_same_run(unpacked,
 
 @pytest.mark.usefixtures("vtk")
 def test_liggghts_vtk_and_text_of_one_run_agree_to_their_digits(unpacked, tmp_path):
-    post = unpacked("liggghts") / "post"
+    post = unpacked("liggghts", "shaken") / "post"
     with (
         imported(sorted(post.glob("*.vtk")), tmp_path / "v.h5", timestep=1e-5) as run,
         imported(post / "shaken.dump", tmp_path / "t.h5", timestep=1e-5) as text,
@@ -90,7 +68,7 @@ def test_liggghts_vtk_and_text_of_one_run_agree_to_their_digits(unpacked, tmp_pa
 
 @pytest.mark.usefixtures("vtk")
 def test_beads_of_yade_move_as_their_velocities_say(unpacked, tmp_path):
-    sources = sorted((unpacked("yade") / "out").glob("*.vtu"))
+    sources = sorted((unpacked("yade", "shaken") / "out").glob("*.vtu"))
     with imported(sources, tmp_path / "run.h5", timestep=1e-5) as run:
         assert (run.n_particles, run.n_snapshots, run.interval) == (30, 40, 0.003)
         assert run.variables[-3:] == ["angular_velocity.x", "angular_velocity.y", "angular_velocity.z"]
@@ -123,7 +101,7 @@ def entries(path, components):
 
 @pytest.mark.usefixtures("vtk")
 def test_a_case_of_openfoam_gives_its_parcels_and_the_fields_of_its_box(unpacked, tmp_path):
-    case = unpacked("openfoam") / "box"
+    case = unpacked("openfoam", "box") / "box"
     with imported(case, tmp_path / "run.h5") as run:
         assert (run.n_particles, run.n_snapshots, run.interval) == (64, 40, 0.005)
         assert run.times[0] == pytest.approx(0.005)
@@ -160,7 +138,7 @@ def test_a_case_of_openfoam_gives_its_parcels_and_the_fields_of_its_box(unpacked
     ],
 )
 def test_a_damaged_case_is_refused(unpacked, tmp_path, file, share, says):
-    case = unpacked("openfoam") / "box"
+    case = unpacked("openfoam", "box") / "box"
     text = (case / file).read_bytes()
     (case / file).write_bytes(text[: int(share * len(text))])
     with pytest.raises(Refusal, match=says):
@@ -170,7 +148,7 @@ def test_a_damaged_case_is_refused(unpacked, tmp_path, file, share, says):
 
 @pytest.mark.usefixtures("vtk")
 def test_a_case_that_loses_a_parcel_is_refused_with_its_id(unpacked, tmp_path):
-    case = unpacked("openfoam") / "box"
+    case = unpacked("openfoam", "box") / "box"
     for path in (case / "0.1" / "lagrangian" / "kinematicCloud").iterdir():
         lines = path.read_text().splitlines(keepends=True)
         begins = next((k for k, line in enumerate(lines) if line.strip() == "64"), None)
@@ -185,7 +163,7 @@ def test_a_case_that_loses_a_parcel_is_refused_with_its_id(unpacked, tmp_path):
 
 @pytest.mark.usefixtures("vtk")
 def test_a_study_of_a_foreign_case_goes_from_its_files_to_a_report(unpacked, tmp_path, suffice):
-    unpacked("openfoam")
+    unpacked("openfoam", "box")
     tables = {
         "source": 'files = ["openfoam/box"]\nmap = { "fluid.velocity" = "U.air" }',
         "select": 'variables = ["position.z", "fluid.velocity.z"]',

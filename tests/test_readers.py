@@ -130,6 +130,33 @@ def test_a_particle_that_crosses_a_periodic_face_does_not_jump(tmp_path):
         assert "unwrapped" in run.provenance["notes"]
 
 
+def test_snapshots_before_the_first_atom_are_left_out_and_told(tmp_path):
+    source = dump(tmp_path / "a.dump", [snapshot(0, n=0), *(snapshot(k) for k in (1, 2, 3))])
+    with imported(source, tmp_path / "run.h5", interval=None, timestep=1e-5, precision="double") as run:
+        assert np.allclose(run.times, [0.001, 0.002, 0.003], rtol=1e-15)
+        assert np.array_equal(run.snapshot(0).values["position"], by_id(1, "x", "y", "z"))
+        assert "1 snapshots without atoms before step 100 left out" in run.provenance["notes"]
+
+
+def test_a_general_box_is_spanned_by_the_edges_it_names(tmp_path):
+    box = ("BOX BOUNDS abc origin", "0.1 0 0 0.5", "0.02 0.2 0 0.25", "0 0.01 0.4 -1")
+    scaled = {"xs": [0, 1, 0, 0, 0.5], "ys": [0, 0, 1, 0, 0.5], "zs": [0, 0, 0, 1, 0.5], "id": range(1, 6)}
+    source = dump(tmp_path / "a.dump", columns="id xs ys zs", box=box, **scaled)
+    with imported(source, tmp_path / "run.h5", precision="double") as run:
+        corner, a, b, c = (np.array(row) for row in ([0.5, 0.25, -1], [0.1, 0, 0], [0.02, 0.2, 0], [0, 0.01, 0.4]))
+        there = [corner, corner + a, corner + b, corner + c, corner + (a + b + c) / 2]
+        assert np.allclose(run.snapshot(0).values["position"], there, rtol=1e-14)
+
+
+def test_a_run_restarted_twice_keeps_what_was_written_last(tmp_path):
+    source = dump(tmp_path / "a.dump", [snapshot(k) for k in (0, 1, 2, 1, 2, 3, 2, 3)])
+    with imported(source, tmp_path / "run.h5", precision="double") as run:
+        assert run.n_snapshots == 4
+        for k in range(4):
+            assert np.array_equal(run.snapshot(k).values["position"], by_id(k, "x", "y", "z"))
+        assert run.provenance["notes"].count("after a restart") == 2
+
+
 def test_wrapped_positions_in_a_periodic_box_are_noted(tmp_path):
     source = dump(tmp_path / "a.dump", box=("BOX BOUNDS pp ff ff", *BOX[1:]))
     assert any("periodic" in note for note in import_run(source, tmp_path / "r.h5", interval=0.001).notes)
@@ -242,13 +269,23 @@ def with_an_extra_column(path):
         (lambda path: dump(path, columns="id type x y"), r"its columns are id type x y; particles need id and x y z"),
         (lambda path: dump(path, [snapshot(0), snapshot(1, "id x y z")]), r"step 100: the columns change from id type"),
         (lambda path: dump(path, [snapshot(0), snapshot(2), snapshot(1)]), r"time step 100 .* does not come after 200"),
-        (lambda path: dump(path, [snapshot(0), snapshot(0)]), r"time step 0 of snapshot 1 does not come after 0"),
+        (lambda path: dump(path, [snapshot(0), snapshot(0)]), r"a.dump holds step 0 as the first one: give every"),
         (
             lambda path: dump(path, [snapshot(0), replaced(1, "radius", 13, 0.001)]),
             r"id 13 has radius 0.001 m, but 0.0015",
         ),
         (lambda path: dump(path, [replaced(0, "radius", 13, -1)]), r"particle id 13 has radius -1 m"),
-        (lambda path: dump(path, [snapshot(0, n=0)]), r"step 0 has 0 atoms"),
+        (lambda path: dump(path, [snapshot(0, n=0)]), r"a.dump holds no atoms at any step"),
+        (lambda path: dump(path, [snapshot(0), snapshot(1, n=0), snapshot(2)]), r"step 100 has 0 atoms; leave"),
+        (lambda path: path.write_bytes(b"(\xb5/\xfd" + bytes(20)), r"packed by zstd, .*; unpack it with `zstd -d`"),
+        (lambda path: path.write_bytes(b"\xf6" + b"\xff" * 7 + b"DUMPCUSTOM"), r"binary dump .* its tool binary2txt"),
+        (
+            lambda path: dump(
+                path, columns="id xs ys zs", box=("BOX BOUNDS", *["0 1 0 0 0"] * 3), xs=[0] * 5, ys=[0] * 5, zs=[0] * 5
+            ),
+            r"BOX BOUNDS has 5 columns, not 2 to 4",
+        ),
+        (lambda path: dump(path, box=("BOX BOUNDS", "0 1 inf", "0 1 0", "0 1 0")), r"BOX BOUNDS is .*, not numbers"),
         (lambda path: dump(path, above=("ITEM: UNITS", "cgs")), r"UNITS is cgs; suffice reads SI"),
         (lambda path: dump(path, above=("ITEM: ENTRIES a b",)), r"'ITEM: ENTRIES a b' stands where a dump of atoms"),
     ],

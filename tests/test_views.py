@@ -167,6 +167,30 @@ def test_views_are_not_rewritten_at_every_snapshot_but_show_all_at_the_end(tmp_p
     assert np.array_equal(View(view).times, TIMES[:2])
 
 
+@pytest.mark.physics
+def test_vtk_finds_what_models_predict_of_particles_and_fluid(tmp_path, suffice):
+    write(tmp_path / "run.h5")
+    folders = []
+    for variable in ("position", "fluid.velocity", "fluid.pressure"):
+        folders.append(tmp_path / variable)
+        said = suffice("train", tmp_path / "run.h5", "--variable", variable, "--interval", "0.002", "--surrogate",
+                       "spline", "-o", folders[-1])  # fmt: skip
+        assert said.code == 0, said.err
+    for group, side in ((folders[:1], 0), (folders[1:], 1)):
+        made = tmp_path / f"made.{side}.h5"
+        said = suffice("predict", *group, "--times", "0:0.01:0.0005", "-o", made)
+        assert said.code == 0, said.err
+        view = View(view_paths(made)[side])
+        with Run(made) as run:
+            assert np.array_equal(view.times, run.times)
+            for k in (0, 7, 20):
+                scene, values = view.at(run.times[k]), run.snapshot(k).values
+                assert {name.removeprefix("fluid.") for name in values} <= {*scene.points, *scene.cells}
+                for name, rows in values.items():
+                    shown = (scene.cells if side else scene.points)[name.removeprefix("fluid.")]
+                    assert np.array_equal(shown, rows.reshape(shown.shape))
+
+
 def test_the_view_of_the_fluid_begins_with_the_second_snapshot(tmp_path):
     assert [path.exists() for path in write(tmp_path / "one.h5", snapshots=1)] == [True, False]
     assert np.array_equal(View(write(tmp_path / "two.h5", snapshots=2)[1]).times, TIMES[:2])

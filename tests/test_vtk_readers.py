@@ -223,7 +223,7 @@ def without_ids(folder):
 
 def without_particles(folder):
     for k in range(4):
-        none = {name: rows[:0] for name, rows in beads(k)[1].items()} if k == 0 else beads(k)[1]
+        none = {name: rows[:0] for name, rows in beads(k)[1].items()} if k == 2 else beads(k)[1]
         write_particles(folder / f"beads_{100 * k}.vtu", 0.01 * k, beads(k)[0][: len(none["id"])], none)
 
 
@@ -270,7 +270,7 @@ def absurd_number_of_points(folder):
     ("spoil", "says"),
     [
         (without_ids, r"beads_300.vtu: particle id \d is missing \(1 of 6 lost since .*beads_0.vtu\)"),
-        (without_particles, r"beads_0.vtu holds no particles; leave snapshots without particles out"),
+        (without_particles, r"beads_200.vtu holds no particles; leave snapshots without particles out"),
         (with_a_nan, r"beads_100.vtu: particle id \d has velocity = nan, not a finite number"),
         (without_velocity, r"beads_100.vtu has no array velocity, which the first snapshot has"),
         (cut, r"beads_200.vtu (cannot be read to its end|stops VTK's reader)"),
@@ -329,7 +329,10 @@ def test_a_damaged_legacy_file_is_refused(tmp_path, spoil, binary):
         ('<DataSet file="beads_0.vtu"/>', r"no whole list"),
         ('<DataSet timestep="0" file="beads_0.vtu">', r"no whole list"),
         ("", r"lists no files"),
-        ('<DataSet timestep="0" file="beads_0.vtu"/><DataSet timestep="0" file="beads_100.vtu"/>', r"at one time"),
+        (
+            '<DataSet timestep="0" file="beads_0.vtu"/><DataSet timestep="0" file="beads_100.vtu"/>',
+            r"beads_0.vtu: particle id 3 stands there twice",
+        ),
         ('<DataSet timestep="0" file="a.pvd"/>', r"a.pvd is a VTK file of type Collection"),
         ('<DataSet timestep="nan" file="beads_0.vtu"/>', r"time of snapshot 0 is nan s"),
     ],
@@ -339,6 +342,95 @@ def test_a_list_that_names_no_files_of_its_folder_is_refused(tmp_path, text, say
     (tmp_path / "a.pvd").write_text(f'<VTKFile type="Collection"><Collection>{text}</Collection></VTKFile>')
     with pytest.raises(Refusal, match=says):
         import_run(tmp_path / "a.pvd", tmp_path / "run.h5")
+
+
+def in_parts(folder, ghosts=False):
+    """Particles of every snapshot in two files; with ghosts, each of them also holds one of the other's."""
+    parts = []
+    for k in range(4):
+        place, arrays = beads(k)
+        for part, rows in enumerate((np.arange(N) < 2, np.arange(N) >= 2)):
+            hidden = ~rows & (np.arange(N) == (5 if part == 0 else 0)) & ghosts
+            held = {name: values[rows | hidden] for name, values in arrays.items()}
+            held |= {"vtkGhostType": hidden[rows | hidden].astype(np.uint8)} if ghosts else {}
+            parts.append(f"parts/beads_{k}_{part}.vtu")
+            (folder / "parts").mkdir(exist_ok=True)
+            write_particles(folder / parts[-1], 0.01 * k, place[rows | hidden], held)
+    return parts
+
+
+def list_of_parts(path, parts):
+    pieces = "".join(f'<Piece Source="{part}"/>' for part in parts)
+    path.write_text(f'<VTKFile type="PUnstructuredGrid"><PUnstructuredGrid>{pieces}</PUnstructuredGrid></VTKFile>')
+
+
+@pytest.mark.parametrize("ghosts", [False, True])
+def test_files_at_one_time_of_a_list_are_the_parts_of_one_snapshot(tmp_path, ghosts):
+    parts = in_parts(tmp_path, ghosts)
+    write_list(tmp_path / "a.pvd", parts, [0.01 * (i // 2) for i in range(len(parts))])
+    with imported(tmp_path / "a.pvd", tmp_path / "run.h5") as run:
+        check(run, 4)
+    for k in range(4):
+        list_of_parts(tmp_path / f"beads_{k}.pvtu", parts[2 * k : 2 * k + 2])
+    with imported([*tmp_path.glob("*.pvtu")], tmp_path / "run.h5") as run:
+        check(run, 4)
+        assert np.allclose(run.times, [0, 0.01, 0.02, 0.03], rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("named", "says"),
+    [
+        (["parts/beads_0_0.vtu", "../parts/beads_0_1.vtu"], r"lists '../parts/beads_0_1.vtu', outside its folder"),
+        (["parts/beads_0_0.vtu", "/etc/passwd"], r"lists '/etc/passwd', outside its folder"),
+        (["parts/beads_0_0.vtu", "parts/none.vtu"], r"none.vtu is missing"),
+        (["parts/beads_0_0.vtu"] * 2, r"a_0.pvtu: particle id \d stands there twice"),
+        (["parts/beads_0_0.vtu"], r"a_1.pvtu: particle id \d is new"),
+        (["a_0.pvtu"], r"a_0.pvtu is a VTK file of type PUnstructuredGrid"),
+        (["parts/beads_0_0.vtu", "air.vti"], r"is made of image and particles in 2 parts; give the files of the"),
+    ],
+)
+def test_a_list_of_parts_that_are_not_those_of_one_snapshot_is_refused(tmp_path, named, says):
+    parts = in_parts(tmp_path)
+    write_fields(tmp_path / "air.vti", 0.0, GRID, fields(0))
+    list_of_parts(tmp_path / "a_0.pvtu", named)
+    list_of_parts(tmp_path / "a_1.pvtu", parts[2:4])
+    with pytest.raises(Refusal, match=says):
+        import_run([tmp_path / "a_0.pvtu", tmp_path / "a_1.pvtu"], tmp_path / "run.h5")
+
+
+def test_the_parts_of_a_mesh_fill_one_box(tmp_path):
+    x = np.linspace(0, 1, 5)
+    (tmp_path / "left.vtk").write_text(hexahedra([x[:3], np.linspace(2, 3, 4), np.linspace(0, 3, 3)]))
+    (tmp_path / "right.vtk").write_text(hexahedra([x[2:], np.linspace(2, 3, 4), np.linspace(0, 3, 3)]))
+    write_list(tmp_path / "a.pvd", ["left.vtk", "right.vtk"], [0.5, 0.5])
+    with imported(tmp_path / "a.pvd", tmp_path / "run.h5") as run:
+        assert run.grid.shape == (2, 3, 4)
+        velocity = run.snapshot(0).values["fluid.velocity"]  # the middle of each cell
+        assert np.allclose(velocity[0, 0, :, 0], [0.125, 0.375, 0.625, 0.875])
+        assert np.allclose(velocity[0, :, 0, 1], 2 + np.array([1, 3, 5]) / 6)
+
+
+def test_files_told_apart_by_their_folder_are_put_in_the_order_of_the_times_in_them(tmp_path):
+    for k in (10, 9, 8):  # as foamToVTK writes fields: case_1000/internal.vtu
+        (tmp_path / f"case_{k}").mkdir()
+        place, arrays = beads(10 - k)
+        write_particles(tmp_path / f"case_{k}" / "internal.vtu", 0.01 * (10 - k), place, arrays)
+    with imported(sorted(tmp_path.glob("case_*/internal.vtu")), tmp_path / "run.h5") as run:
+        check(run, 3)
+
+
+def test_parcels_of_openfoam_are_told_apart_by_the_processor_where_they_were_born(tmp_path):
+    for k in range(2):
+        place, arrays = beads(k)
+        born = {"origId": arrays["id"] // 2, "origProcId": arrays["id"] % 2, "U": arrays["velocity"]}
+        write_particles(tmp_path / f"cloud_{k}.vtu", 0.01 * k, place, born)
+    with imported([*tmp_path.glob("*.vtu")], tmp_path / "run.h5") as run:
+        ids = np.arange(N) + 3
+        assert np.array_equal(run.ids, np.sort(ids // 2 + (ids % 2) * 2**32))
+        order = np.argsort(ids // 2 + (ids % 2) * 2**32)
+        place, arrays = beads(1)
+        there = place[np.argsort(arrays["id"])][order]
+        assert np.array_equal(run.snapshot(1).values["position"], there)
 
 
 def test_files_without_any_time_need_the_timestep_or_the_interval(tmp_path):

@@ -9,7 +9,8 @@
 | `fluid.velocity`, `fluid.pressure`, `fluid.void_fraction` | (snapshots, z, y, x[, 3]) | m/s, Pa, 1 |
 | `grid.origin`, `grid.spacing` | (3,) | m |
 
-Several .npz hold a snapshot each: the same without the first axis, `time` a number.
+Several .npz hold a snapshot each: the same without the first axis, `time` a number. So do the groups of an HDF5 file
+where a name with `*` is mapped to each thing (`datasets`).
 """
 
 from collections.abc import Generator, Iterator, Mapping, Sequence
@@ -20,10 +21,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from suffice import layout
 from suffice.quantities import QUANTITIES, Grid
 from suffice.readers.clock import Stamps
-from suffice.readers.hdf5 import node_of, opened
+from suffice.readers.datasets import Datasets
 from suffice.readers.npz import Member, Npz
 from suffice.readers.trajectory import Frame
 from suffice.refusal import Refusal
@@ -63,7 +63,9 @@ def read_hdf5(sources: Sequence[Path], mapped: Mapping[str, str]) -> "ArrayRun":
     if len(sources) > 1:
         raise Refusal(f"{len(sources)} HDF5 files are named; give one that holds all snapshots")
     arrays = Datasets(sources[0])
-    return ArrayRun(str(sources[0]), arrays, _named(arrays, mapped))
+    names = _named(arrays, mapped)
+    arrays.check_together(names.values())
+    return ArrayRun(str(sources[0]), arrays, names)
 
 
 def _named(arrays: Arrays, mapped: Mapping[str, str]) -> dict[str, str]:
@@ -83,7 +85,7 @@ class ArrayRun:
         if not self.variables or ("position" not in names and any(not QUANTITIES[v].of_fluid for v in self.variables)):
             raise Refusal(
                 f"{where} has no array position (snapshots, particles, 3), it has {', '.join(arrays.names[:12])}; "
-                "say which one it is with --map position=NAME"
+                "say which one it is with --map position=NAME; in HDF5 with a group for each snapshot NAME is /*/..."
             )
         first = self._shape(self.variables[0])
         self._n = first[0] if first else 0
@@ -205,37 +207,3 @@ class NpzSeries:
     def rows(self, name: str) -> Iterator[NDArray[Any]]:
         """Yield the array of each file."""
         return (file.whole(name) for file in self._files)
-
-
-class Datasets:
-    """The datasets of one HDF5 file, by their paths; the file is open only while something is read."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        with opened(path) as file:
-            if layout.PLAN in file:
-                raise Refusal(f"{path} is a run already; name it where a run is asked for")
-            self.names = list(file)
-
-    def shape(self, name: str) -> tuple[int, ...]:
-        """Return the shape of a dataset."""
-        with opened(self.path) as file:
-            return tuple(int(n) for n in self._node(file, name).shape)
-
-    def whole(self, name: str) -> NDArray[Any]:
-        """Return a dataset."""
-        with opened(self.path) as file:
-            return np.asarray(self._node(file, name)[()])
-
-    def rows(self, name: str) -> Iterator[NDArray[Any]]:
-        """Yield a dataset along its first axis, holding one part in memory."""
-        with opened(self.path) as file:
-            node = self._node(file, name)
-            for k in range(node.shape[0]):
-                yield np.asarray(node[k])
-
-    def _node(self, file: Any, name: str) -> Any:
-        node = node_of(file, name)
-        if node is None or not hasattr(node, "shape"):
-            raise Refusal(f"{self.path} has no dataset {name}; it has {', '.join(self.names)}: say which with --map")
-        return node

@@ -1,6 +1,6 @@
 """Dumps of LAMMPS and LIGGGHTS: the text of `dump custom`, atoms in any order, columns in any order."""
 
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
@@ -8,9 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from suffice.readers.box import Box, box_of
 from suffice.readers.clock import Stamps
 from suffice.readers.columns import read_columns
 from suffice.readers.header import CUT_REMEDY, Header, read_header
+from suffice.readers.restarts import Place, Restart, find_restarts, restarted
 from suffice.readers.text import Text, open_text
 from suffice.readers.trajectory import Frame
 from suffice.refusal import Refusal
@@ -46,8 +48,14 @@ class Dump:
 
     def __init__(self, sources: Sequence[Path]) -> None:
         self.files = sorted((survey(path) for path in sources), key=lambda file: file.headers[0].step)
-        self.headers = [header for file in self.files for header in file.headers]
-        self.columns = self.headers[0].columns
+        self.columns = self.files[0].headers[0].columns
+        self.restarts = find_restarts([file.headers for file in self.files], [file.path for file in self.files])
+        again = {place for restart in self.restarts for place in restart.dropped}
+        kept = [(place, header) for place, header in self._places() if place not in again]
+        self.empty = next((k for k, (_, header) in enumerate(kept) if header.n), len(kept))
+        self.kept = dict(kept[self.empty :])
+        self.headers = list(self.kept.values())
+        self._check_atoms()
         self._check_columns()
         self.position = self._choose_position()
         self.motions = {name: three for name, three in MOTIONS.items() if set(three) <= set(self.columns)}
@@ -94,19 +102,37 @@ class Dump:
             notes.append("positions unwrapped at periodic faces with ix iy iz")
         elif self._wrapped:
             notes.append("particles jump where they cross a periodic face; dump xu yu zu to avoid it")
-        return notes
+        if self.empty:
+            notes.append(f"{self.empty} snapshots without atoms before step {self.headers[0].step} left out")
+        return notes + [self._told(restart) for restart in self.restarts]
+
+    def _told(self, restart: Restart) -> str:
+        first, file = restart.dropped[0], self.files[restart.at.file]
+        step = self.files[first.file].headers[first.number].step
+        n = len(restart.dropped)
+        return f"{n} snapshots from step {step} on left out: after a restart {file.path} goes on from there"
 
     def frames(self) -> Generator[Frame, None, None]:
         """Read the snapshots in the order of time, holding one in memory.
 
         Raises `Refusal` naming particle, column and step of a number that is none, or not finite.
         """
-        for file in self.files:
+        for place, frame in restarted(self._all_frames(), self.restarts):
+            if place in self.kept:
+                yield frame
+
+    def _places(self) -> Iterator[tuple[Place, Header]]:
+        for number, file in enumerate(self.files):
+            yield from ((Place(number, k), header) for k, header in enumerate(file.headers))
+
+    def _all_frames(self) -> Iterator[tuple[Place, Frame]]:
+        for number, file in enumerate(self.files):
             with open_text(file.path) as text:
-                for expected in file.headers:
+                for k, expected in enumerate(file.headers):
                     if (header := read_header(text)) is None or header.step != expected.step:
                         raise Refusal(f"{file.path} changed while it was read; import it when it is complete")
-                    yield self._frame(header, text)
+                    if header.n:
+                        yield Place(number, k), self._frame(header, text)
 
     def _frame(self, header: Header, text: Text) -> Frame:
         where = f"{text.path} step {header.step}"
@@ -115,24 +141,28 @@ class Dump:
             raise Refusal(f"{text.path} changed while it was read; import it when it is complete")
         table = read_columns(lines, header.columns, self.used, where)
         of = dict(zip(self.used, table.T, strict=True))
-        position = table[:, 1:4] if self.position[0] in ("x", "xu") else self._unscaled(table[:, 1:4], header)
+        position = table[:, 1:4]
+        if self._scaled:
+            position = self._box(header).at(position)
         if self._unwraps:
-            crossings = np.column_stack([of[name] for name in IMAGES])
-            position = position + crossings * (header.box[:, 1] - header.box[:, 0])
+            position = position + self._box(header).shift(np.column_stack([of[name] for name in IMAGES]))
         motions = {name: np.column_stack([of[column] for column in three]) for name, three in self.motions.items()}
         size = next((name for name in SIZES if name in of), None)
         radius = None if size is None else SIZES[size] * of[size]
         species = of[SPECIES].astype(np.int64) if SPECIES in of else None
         return Frame(where, of["id"].astype(np.int64), {"position": position, **motions}, radius, species)
 
-    def _unscaled(self, fraction: NDArray[np.float64], header: Header) -> NDArray[np.float64]:
-        if header.box.shape != (3, 2):
+    def _box(self, header: Header) -> Box:
+        if (box := box_of(header)) is None:
             raise Refusal(
-                f"{self.files[0].path} step {header.step}: columns {' '.join(self.position)} of a tilted or "
-                "missing box cannot be turned into metres; dump x y z or xu yu zu"
+                f"{self.files[0].path} step {header.step}: BOX BOUNDS has {header.box.shape[1]} columns, not 2 to "
+                f"4; columns {' '.join(self.position)} need them: dump xu yu zu"
             )
-        position: NDArray[np.float64] = header.box[:, 0] + fraction * (header.box[:, 1] - header.box[:, 0])
-        return position
+        return box
+
+    @property
+    def _scaled(self) -> bool:
+        return self.position[0] in ("xs", "xsu")
 
     @cached_property
     def _wrapped(self) -> bool:
@@ -140,8 +170,7 @@ class Dump:
 
     @cached_property
     def _unwraps(self) -> bool:
-        upright = all(header.box.shape == (3, 2) for header in self.headers)
-        return self._wrapped and upright and set(IMAGES) <= set(self.columns)
+        return self._wrapped and set(IMAGES) <= set(self.columns)
 
     def _choose_position(self) -> tuple[str, str, str]:
         found = next((three for three in POSITIONS if set(three) <= set(self.columns)), None)
@@ -151,6 +180,13 @@ class Dump:
                 "and x y z (or xu yu zu, xs ys zs): dump them"
             )
         return found
+
+    def _check_atoms(self) -> None:
+        if not self.headers:
+            raise Refusal(f"{self.files[0].path} holds no atoms at any step; name a dump that holds some")
+        if not all(header.n for header in self.headers):
+            step = next(header.step for header in self.headers if not header.n)
+            raise Refusal(f"step {step} has 0 atoms; leave snapshots without atoms out")
 
     def _check_columns(self) -> None:
         for file in self.files:

@@ -24,7 +24,7 @@ class Header(NamedTuple):
     step: int
     time: float | None  # s
     n: int  # atoms
-    box: NDArray[np.float64]  # (3, 2) lower and upper corner, m; more columns when the box is tilted
+    box: NDArray[np.float64]  # (3, 2) lower and upper corner, m; three or four columns when the box is tilted
     faces: tuple[str, ...]  # of the box, as written: pp pp ff
     units: str | None
     columns: tuple[str, ...]
@@ -85,10 +85,8 @@ def _header(text: Text, start: int, items: dict[str, _Item]) -> Header:
         units,
         tuple(items["ATOMS"].words),
     )
-    if header.n < 1:
-        raise Refusal(
-            f"{text.path} line {start}: step {header.step} has {header.n} atoms; leave snapshots without atoms out"
-        )
+    if header.n < 0:
+        raise Refusal(f"{text.path} line {start}: step {header.step} has {header.n} atoms; {CUT_REMEDY}")
     if header.time is not None and not np.isfinite(header.time):
         raise Refusal(f"{text.path} line {start}: ITEM: TIME of step {header.step} is {header.time} s; correct it")
     return header
@@ -96,6 +94,9 @@ def _header(text: Text, start: int, items: dict[str, _Item]) -> Header:
 
 def _box(text: Text, start: int, lines: list[str]) -> NDArray[np.float64]:
     try:
-        return np.array([[float(word) for word in line.split()] for line in lines]).reshape(len(lines), -1)
+        box = np.array([[float(word) for word in line.split()] for line in lines]).reshape(len(lines), -1)
+        if np.isfinite(box).all():
+            return box
     except ValueError:
-        raise Refusal(f"{text.path} line {start}: ITEM: BOX BOUNDS is {lines}, not numbers; {CUT_REMEDY}") from None
+        pass
+    raise Refusal(f"{text.path} line {start}: ITEM: BOX BOUNDS is {lines}, not numbers; {CUT_REMEDY}")

@@ -114,6 +114,8 @@ def detect_format(paths: Sequence[Path]) -> str:
         return "npz"
     if type_of(first) is not None or first.suffix == ".series":
         return "vtk"
+    if start[8:].startswith((b"DUMPATOM", b"DUMPCUSTOM")):
+        raise Refusal(f"source {first} is a binary dump of LAMMPS; turn it into text with its tool binary2txt")
     problem = f"begins with {start[:40]!r}, which is no format suffice reads" if start else "is empty"
     raise Refusal(
         f"source {first} {problem}; give a LAMMPS or LIGGGHTS `dump custom`, VTK, a case of OpenFOAM, .npz or HDF5"

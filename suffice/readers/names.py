@@ -8,8 +8,8 @@ from suffice.refusal import Refusal
 # without case, underscores and units; LIGGGHTS, LAMMPS, Yade, MFiX, OpenFOAM, CFDEM
 PARTICLES: Mapping[str, Sequence[str]] = {
     "id": ("id", "ids", "particleid", "globalid", "origid"),
-    "velocity": ("velocity", "velocities", "v", "vel", "u", "linvelvec", "translationalvelocity"),
-    "angular_velocity": ("angularvelocity", "omega", "angvelvec", "rotationalvelocity", "angularvel"),
+    "velocity": ("velocity", "velocities", "v", "vel", "u", "linvelvec", "velocitylin", "translationalvelocity"),
+    "angular_velocity": ("angularvelocity", "omega", "angvelvec", "velocityang", "rotationalvelocity", "angularvel"),
     "radius": ("radius", "radii", "particleradius"),
     "diameter": ("diameter", "d", "particlediameter"),
     "species": ("type", "species", "phaseid", "particlephaseid", "materialid", "typeid"),
@@ -24,6 +24,7 @@ THREES: Mapping[str, Sequence[str]] = {
     "angular_velocity": ("omegax", "omegay", "omegaz"),
     "fluid.velocity": ("U_G", "V_G", "W_G"),
 }
+BORN_AT = ("origprocid", "origproc")  # with origid: OpenFOAM numbers the parcels of every processor from 0
 OTHERS = ("position", "time", "grid.origin", "grid.spacing", "cloud", "fluid")  # that --map knows as well
 KNOWN = (*PARTICLES, *CELLS, *OTHERS)
 
@@ -68,6 +69,12 @@ def _mapped(known: Sequence[str], what: str, name: str, where: str) -> str:
     if not exact:
         raise Refusal(f"--map {what}={name}: {where} has no such array; it has {', '.join(known) or 'none'}")
     return exact[0]
+
+
+def find_ids(known: Sequence[str], id_name: str) -> tuple[str, ...]:
+    """Return the arrays that together are the ids: of OpenFOAM also the processor where a parcel was born."""
+    born_at = [name for name in known if plain(name) in BORN_AT]
+    return (id_name, *born_at[:1]) if plain(id_name) == "origid" else (id_name,)
 
 
 def plain(name: str) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 
 from suffice.quantities import Grid
 from suffice.readers.clock import Stamps
+from suffice.readers.foam_folders import CONTROL, find_folders
 from suffice.readers.pieces import NO_PARTICLES, Chosen, choose, fields_of, notes_of, particles_of, variables_of
 from suffice.readers.trajectory import Frame
 from suffice.readers.uniform import Cells, cells_of
@@ -14,7 +15,10 @@ from suffice.readers.vtk_process import Piece, VtkProcess
 from suffice.refusal import Refusal
 
 CLOUDS, MESH = "/lagrangian/", "/internalMesh"
-PROCESSOR_BITS = 32  # id = processor · 2³² + number: where a parcel was born never changes
+BARYCENTRIC = (
+    "barycentric positions, as the OpenFOAM Foundation writes them, need foamToVTK first: import its "
+    "VTK/lagrangian/CLOUD/*"
+)
 
 
 def read_openfoam(sources: Sequence[Path], mapped: Mapping[str, str]) -> "OpenFoamCase":
@@ -23,24 +27,23 @@ def read_openfoam(sources: Sequence[Path], mapped: Mapping[str, str]) -> "OpenFo
 
 
 class OpenFoamCase:
-    """A reconstructed case, at the times that hold all that the last one holds; the first ones may hold less.
+    """A case, reconstructed or not, at the times that hold all that the last one holds; the first ones may hold less.
 
     Raises `Refusal` where there is no such case, several clouds, cells that are no uniform box, or a gap in between.
     """
 
     def __init__(self, sources: Sequence[Path], mapped: Mapping[str, str]) -> None:
-        self.case, self.mapped = _case_of(sources), mapped
+        self.folders, self.mapped = find_folders(sources), mapped
+        self.case = self.folders.case
         with VtkProcess() as vtk:
-            times = vtk.times_of_case(self._control)
+            times = vtk.times_of_case(self.folders.control, self.folders.decomposed)
             if not times:
-                raise Refusal(
-                    f"case {self.case} has no times; run its solver, and reconstructPar if it ran in parallel"
-                )
+                raise Refusal(f"case {self.case} has no times; run its solver")
             pieces = self._read(vtk, times[-1])
-            self.cloud, self.chosen = self._choose_cloud(pieces)
+            self.cloud, self.chosen = self._choose_cloud(pieces, times[-1])
             self.cells, self.fields = self._choose_fields(pieces)
             if self.chosen is None and self.fields is None:
-                raise Refusal(f"case {self.case} holds no particles and no fields at its last time{self._parallel}")
+                raise Refusal(f"case {self.case} holds no particles and no fields at its last time")
             n = len(times)
             begins = next(k for k in range(n) if self._holds_all(self._read(vtk, times[k])))
         self.times, self.left_out = times[begins:], times[:begins]
@@ -70,6 +73,9 @@ class OpenFoamCase:
     def notes(self) -> list[str]:
         """How the case was understood."""
         found = [note for chosen in self._both for note in notes_of(chosen)]
+        if self.folders.decomposed:
+            first, last = self.folders.holders[0].name, self.folders.holders[-1].name
+            found.append(f"put together from {first} to {last}, which hold more times than the case itself")
         if self.left_out:
             found.append(f"times before {self.times[0]:g} s left out: they do not hold all that the last one does")
         return [*found, "VTK reads OpenFOAM in single precision"]
@@ -87,18 +93,11 @@ class OpenFoamCase:
                     self._check_same(self.chosen, pieces[self.cloud], where)
                     frame = particles_of(pieces[self.cloud], self.chosen, where)
                 fields = {}
+                self._check_without_fields(pieces, where)
                 if self.fields is not None and self.cells is not None:
                     self._check_same(self.fields, pieces[MESH], where)
                     fields = fields_of(pieces[MESH], self.fields, self.cells, where)
                 yield frame._replace(values={**frame.values, **fields})
-
-    @property
-    def _control(self) -> Path:
-        return self.case / "system" / "controlDict"
-
-    @property
-    def _parallel(self) -> str:
-        return "; it ran in parallel: run reconstructPar first" if (self.case / "processor0").is_dir() else ""
 
     @property
     def _cloud_name(self) -> str:
@@ -109,30 +108,36 @@ class OpenFoamCase:
         return [chosen for chosen in (self.chosen, self.fields) if chosen is not None]
 
     def _read(self, vtk: VtkProcess, time: float) -> dict[str, Piece]:
-        """Return the datasets of one time by name; particles with one id made of their two labels."""
-        found = {piece.facts["name"]: piece for piece in vtk.read_case(self._control, time, _size_of(self.case, time))}
-        for name, piece in found.items():
-            if name.startswith(CLOUDS) and "point:origId" in piece.arrays:
-                number = piece.arrays["point:origId"].astype(np.int64)
-                processor = piece.arrays.get("point:origProcId", np.zeros_like(number)).astype(np.int64)
-                piece.arrays["point:origId"] = (processor << PROCESSOR_BITS) + number
-        return found
+        """Return the datasets of one time by name. Raises `Refusal` where VTK cannot read them."""
+        folders = self.folders
+        try:
+            pieces = vtk.read_case(folders.control, time, folders.size_of(time), folders.decomposed)
+        except Refusal as refusal:
+            hint = f"; {BARYCENTRIC}" if "/positions" in str(refusal) else ""
+            raise Refusal(f"{refusal}{hint}") from None
+        return {piece.facts["name"]: piece for piece in pieces}
 
-    def _choose_cloud(self, pieces: Mapping[str, Piece]) -> tuple[str, Chosen | None]:
-        clouds = [name for name in pieces if name.startswith(CLOUDS)]
-        if "cloud" in self.mapped:
-            clouds = [name for name in clouds if name == CLOUDS + self.mapped["cloud"]]
-            if not clouds:
-                raise Refusal(
-                    f"--map cloud={self.mapped['cloud']}: case {self.case} has no such cloud at its last time"
-                )
-        if len(clouds) > 1:
-            names = ", ".join(name.removeprefix(CLOUDS) for name in clouds)
+    def _choose_cloud(self, pieces: Mapping[str, Piece], time: float) -> tuple[str, Chosen | None]:
+        clouds = {name.removeprefix(CLOUDS): name for name in pieces if name.startswith(CLOUDS)}
+        there = {*clouds, *self.folders.clouds_at(time)}
+        wanted = self.mapped.get("cloud")
+        if wanted == "none" or (not there and wanted is None):
+            return "", None
+        if wanted is not None and wanted not in there:
+            raise Refusal(f"--map cloud={wanted}: case {self.case} has no such cloud at its last time")
+        if wanted is None and len(there) > 1:
+            names = ", ".join(sorted(there))
             raise Refusal(f"case {self.case} has the clouds {names}; say which one with --map cloud=NAME")
-        return (clouds[0], choose(pieces[clouds[0]], self.mapped, str(self.case))) if clouds else ("", None)
+        name = wanted or there.pop()
+        if name not in clouds:
+            raise Refusal(
+                f"case {self.case}: VTK finds no positions of its cloud {name}; {BARYCENTRIC}, or leave the cloud out "
+                "with --map cloud=none"
+            )
+        return clouds[name], choose(pieces[clouds[name]], self.mapped, str(self.case))
 
     def _choose_fields(self, pieces: Mapping[str, Piece]) -> tuple[Cells | None, Chosen | None]:
-        if MESH not in pieces or self.mapped.get("fluid") == "none":
+        if self.mapped.get("fluid") == "none" or not _fields_in(pieces):
             return None, None
         return cells_of(pieces[MESH], str(self.case)), choose(pieces[MESH], self.mapped, str(self.case))
 
@@ -144,37 +149,26 @@ class OpenFoamCase:
                 "damaged; write that again, or remove it"
             )
 
+    def _check_without_fields(self, pieces: Mapping[str, Piece], where: str) -> None:
+        found = _fields_in(pieces) if self.fields is None and self.mapped.get("fluid") != "none" else []
+        if found:
+            raise Refusal(
+                f"{where} holds {', '.join(found)}, the last time, {self.times[-1]:g} s, no fields at all; remove that "
+                "time, or leave the fluid out with --map fluid=none"
+            )
+
     def _holds_all(self, pieces: Mapping[str, Piece]) -> bool:
-        cells = pieces[MESH].facts["known"]["cell"] if MESH in pieces else []
+        cells = _fields_in(pieces)
         parcels = pieces[self.cloud].facts["known"]["point"] if self.cloud in pieces else []
         return (self.chosen is None or set(self.chosen.names) <= set(parcels)) and (
             self.fields is None or set(self.fields.names) <= set(cells)
         )
 
 
+def _fields_in(pieces: Mapping[str, Piece]) -> list[str]:
+    return list(pieces[MESH].facts["known"]["cell"]) if MESH in pieces else []
+
+
 def is_case(path: Path) -> bool:
     """Tell whether a path is the folder of a case, or a file in it that ParaView opens."""
-    return (path / "system" / "controlDict").is_file() or path.suffix in (".foam", ".OpenFOAM")
-
-
-def _case_of(sources: Sequence[Path]) -> Path:
-    if len(sources) > 1:
-        raise Refusal(f"{len(sources)} sources are named; give one case of OpenFOAM at a time")
-    case = sources[0] if sources[0].is_dir() else sources[0].parent
-    if not (case / "system" / "controlDict").is_file():
-        raise Refusal(f"case {case} has no system/controlDict; name the folder of a case")
-    return case
-
-
-def _size_of(case: Path, time: float) -> int:
-    """Return the bytes of the files that hold the mesh and one time."""
-    folders = [case / "constant" / "polyMesh"]
-    folders += [path for path in case.iterdir() if path.is_dir() and _is_time(path.name, time)]
-    return sum(file.stat().st_size for folder in folders for file in folder.rglob("*") if file.is_file())
-
-
-def _is_time(name: str, time: float) -> bool:
-    try:
-        return abs(float(name) - time) <= 1e-9 * max(abs(time), 1.0)
-    except ValueError:
-        return False
+    return (path / CONTROL).is_file() or path.suffix in (".foam", ".OpenFOAM")

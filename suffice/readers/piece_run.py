@@ -8,6 +8,7 @@ import numpy as np
 
 from suffice.quantities import Grid
 from suffice.readers.clock import Stamps
+from suffice.readers.parts import is_empty
 from suffice.readers.pieces import NO_PARTICLES, Chosen, choose, fields_of, notes_of, particles_of, variables_of
 from suffice.readers.trajectory import Frame
 from suffice.readers.uniform import Cells, cells_of
@@ -50,15 +51,17 @@ class PieceRun:
     """
 
     def __init__(self, sources: Sequence[PieceSource], mapped: Mapping[str, str], notes: Sequence[str] = ()) -> None:
-        groups = [group for source in sources if (group := _group(source, mapped)) is not None]
+        walls = [source for source in sources if source.head.facts["kind"] == "walls"]
+        groups = [group for source in sources if source not in walls and (group := _group(source, mapped)) is not None]
         self._particles = _only("particles", [group for group in groups if group.cells is None])
         self._fluid = _only("fields", [group for group in groups if group.cells is not None])
         self._groups = [group for group in (self._particles, self._fluid) if group is not None]
         if not self._groups:
-            raise Refusal("the sources hold no particles, and the fluid is left out; give the files of the particles")
+            held = "walls alone" if walls else "no particles, and the fluid is left out"
+            raise Refusal(f"the sources hold {held}; give the files of the particles")
         self.stamps = self._groups[0].source.stamps
         self._check_together()
-        self._notes = notes
+        self._notes = [*notes, *(f"{source.stamps.n} files of walls left out: {source.where(0)}" for source in walls)]
 
     @property
     def grid(self) -> Grid | None:
@@ -98,6 +101,8 @@ class PieceRun:
                 fields = _fields(piece, group.chosen, group.cells, where)
             elif piece.facts["kind"] != "particles":
                 raise Refusal(f"{where} holds {piece.facts['kind']}, not particles as the first snapshot; leave it out")
+            elif is_empty(piece):
+                raise Refusal(f"{where} holds no particles; leave snapshots without particles out")
             else:
                 frame = particles_of(piece, group.chosen, where)
         return frame._replace(values={**frame.values, **fields})
@@ -138,5 +143,8 @@ def _fields(piece: Piece, chosen: Chosen, cells: Cells, where: str) -> dict[str,
 def _only(what: str, groups: list[Group]) -> Group | None:
     if len(groups) > 1:
         names = " and ".join(group.source.where(0) for group in groups[:2])
-        raise Refusal(f"the sources hold {what} of {len(groups)} kinds, such as {names}; give the files of one")
+        raise Refusal(
+            f"the sources hold {what} of {len(groups)} kinds, such as {names}; give the files of one, or the .pvtu or "
+            ".pvtp that name its parts"
+        )
     return groups[0] if groups else None

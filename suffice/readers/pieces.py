@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from suffice.quantities import QUANTITIES
-from suffice.readers.names import CELLS, PARTICLES, find_names
+from suffice.readers.names import CELLS, PARTICLES, find_ids, find_names
 from suffice.readers.trajectory import Frame
 from suffice.readers.uniform import Cells
 from suffice.readers.vtk_process import Piece
@@ -15,6 +15,7 @@ from suffice.refusal import Refusal
 
 KINEMATIC = "[m2/s2]"  # p/ρ, as incompressible solvers of OpenFOAM write it
 NO_PARTICLES = np.zeros(0, np.int64)
+PROCESSOR_BITS = 32  # id = processor · 2³² + number
 
 
 class Chosen(NamedTuple):
@@ -39,6 +40,8 @@ def choose(piece: Piece, mapped: Mapping[str, str], where: str) -> Chosen:
             f"{where}: its arrays are {', '.join(known) or 'none'}, and none is the id of the particles; write the "
             "ids, or say which array they are with --map id=NAME"
         )
+    if of_particles:
+        used["id"] = find_ids(known, *used["id"])
     if not of_particles and not used:
         raise Refusal(
             f"{where}: its arrays in cells are {', '.join(known) or 'none'}; say which is what with "
@@ -59,6 +62,8 @@ def particles_of(piece: Piece, chosen: Chosen, where: str) -> Frame:
     """Return the particles of one dataset. Raises `Refusal` for ids that are no integers, or another shape."""
     value = {what: _joined(piece, "point", names, where) for what, names in chosen.used.items()}
     ids = value["id"]
+    if len(chosen.used["id"]) > 1 and np.issubdtype(ids.dtype, np.integer):
+        ids = (ids[:, 1].astype(np.int64) << PROCESSOR_BITS) + ids[:, 0]
     if ids.ndim != 1 or (ids != np.rint(ids)).any() or (np.abs(ids) > 2**62).any():
         raise Refusal(
             f"{where}: the ids of its particles are not integers; say which array they are with --map id=NAME"

@@ -15,6 +15,7 @@ import numpy as np
 from suffice.refusal import Refusal
 
 OPENERS: dict[bytes, Callable[[Path], Any]] = {b"\x1f\x8b": gzip.open, b"\xfd7zXZ\x00": lzma.open, b"BZh": bz2.open}
+ZSTD = b"(\xb5/\xfd"
 
 _BUFFER = 1 << 20
 _LONGEST_LINE = 1 << 16  # bytes
@@ -91,6 +92,8 @@ def open_text(path: Path) -> Iterator[Text]:
         raise Refusal(f"source {path} {problem}")
     with _refusing_broken(path), path.open("rb") as file:
         start = file.read(8)
+    if start.startswith(ZSTD):
+        raise Refusal(f"source {path} is packed by zstd, which Python does not read; unpack it with `zstd -d`")
     opener = next((opener for magic, opener in OPENERS.items() if start.startswith(magic)), None)
     raw = opener(path) if opener else path.open("rb", buffering=0)
     with io.BufferedReader(raw, _BUFFER) as stream:

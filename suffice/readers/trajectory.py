@@ -55,7 +55,7 @@ def followed(frames: Iterable[Frame]) -> Iterator[Frame]:
     first value that is not finite; and where a snapshot does not hold what the first one does.
     """
     first: Frame | None = None
-    for frame in map(_by_id, frames):
+    for frame in map(by_id, frames):
         first = first or frame
         if set(frame.values) != set(first.values):
             raise Refusal(
@@ -76,7 +76,8 @@ def followed(frames: Iterable[Frame]) -> Iterator[Frame]:
         yield frame
 
 
-def _by_id(frame: Frame) -> Frame:
+def by_id(frame: Frame) -> Frame:
+    """Return a snapshot with its particles in ascending id. Raises `Refusal` naming one that is there twice."""
     order = np.argsort(frame.ids, kind="stable")
     ids = frame.ids[order]
     if (twice := np.flatnonzero(ids[1:] == ids[:-1])).size:

@@ -49,13 +49,14 @@ class VtkProcess:
         pieces, _ = self._ask(path, request, path.stat().st_size)
         return pieces[0]
 
-    def times_of_case(self, path: Path) -> list[float]:
-        """Return the times of an OpenFOAM case, s."""
-        return self._ask(path, {"path": str(path), "type": "OpenFOAM"}, 0)[1]
+    def times_of_case(self, path: Path, decomposed: bool) -> list[float]:
+        """Return the times of an OpenFOAM case, s; `decomposed`: those its processors hold."""
+        return self._ask(path, {"path": str(path), "type": "OpenFOAM", "decomposed": decomposed}, 0)[1]
 
-    def read_case(self, path: Path, time: float, size: int) -> list[Piece]:
+    def read_case(self, path: Path, time: float, size: int, decomposed: bool) -> list[Piece]:
         """Read an OpenFOAM case at one of its times; `size` is that of its files in bytes."""
-        return self._ask(path, {"path": str(path), "type": "OpenFOAM", "time": time}, size)[0]
+        request = {"path": str(path), "type": "OpenFOAM", "time": time, "decomposed": decomposed}
+        return self._ask(path, request, size)[0]
 
     def _ask(self, path: Path, request: dict[str, Any], size: int) -> tuple[list[Piece], list[float]]:
         request["memory"] = MEMORY_OF_VTK + MEMORY_PER_BYTE * size

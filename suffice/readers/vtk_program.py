@@ -22,9 +22,11 @@ READERS = {
     "UnstructuredGrid": ("vtkIOXML", "vtkXMLUnstructuredGridReader"),
     "ImageData": ("vtkIOXML", "vtkXMLImageDataReader"),
 }
+NO_POINTS = "No points read!"  # what VTK warns of in a legacy file without particles
 TEXT = 1  # VTK's number of a legacy file that is not binary
 LINES_OF_HEAD = 4
-HEXAHEDRON, VERTEX_CELLS = 12, (0, 1, 2)  # VTK's numbers of cell types: empty, vertex, poly-vertex
+# VTK's numbers of cell types: empty, vertex, poly-vertex; line, poly-line, triangle, strip, polygon, pixel, quad
+HEXAHEDRON, VERTEX_CELLS, FLAT_CELLS = 12, (0, 1, 2), (3, 4, 5, 6, 7, 8, 9)
 
 
 class BrokenFileError(Exception):
@@ -87,10 +89,14 @@ def _numbers_in(data: Any) -> int:
 
 
 @cache
-def _case(path: str) -> Any:
+def _case(path: str, decomposed: bool) -> Any:
     """Return the reader of a case, which keeps its mesh from one time to the next."""
     _vtk("vtkParallelCore")
-    reader = _vtk("vtkIOGeometry").vtkOpenFOAMReader()
+    if decomposed:
+        reader = _vtk("vtkIOParallel").vtkPOpenFOAMReader()
+        reader.SetCaseType(reader.DECOMPOSED_CASE)
+    else:
+        reader = _vtk("vtkIOGeometry").vtkOpenFOAMReader()
     reader.SetFileName(path)
     reader.SkipZeroTimeOff()
     reader.CreateCellToPointOff()
@@ -101,7 +107,7 @@ def _case(path: str) -> Any:
 
 def read_case(request: Any) -> tuple[list[Any], list[float]]:
     """Read an OpenFOAM case at a time, if one is asked for; return its cells, its clouds and all its times."""
-    reader = _case(request["path"])
+    reader = _case(request["path"], request["decomposed"])
     known = reader.GetTimeValues()
     times = [known.GetValue(i) for i in range(known.GetNumberOfTuples())] if known else []
     if request.get("time") is None:
@@ -149,7 +155,7 @@ def describe(name: str, data: Any, wanted: list[str] | None) -> tuple[Any, dict[
         return facts, arrays
     if not data.IsA("vtkPointSet"):
         raise BrokenFileError(f"it holds {data.GetClassName()}, neither points nor cells of a uniform grid")
-    facts["kind"] = "particles" if _is_particles(data) else "cells"
+    facts["kind"] = _kind(data)
     points = data.GetPoints()
     arrays["points"] = np.zeros((0, 3)) if points is None else _numbers(points.GetData())
     if facts["kind"] == "cells":
@@ -157,11 +163,15 @@ def describe(name: str, data: Any, wanted: list[str] | None) -> tuple[Any, dict[
     return facts, arrays
 
 
-def _is_particles(data: Any) -> bool:
+def _kind(data: Any) -> str:
+    """Return whether points with cells are particles, walls (triangles, or lines between particles), or cells."""
     if data.IsA("vtkPolyData"):
-        return bool(data.GetNumberOfCells() == data.GetNumberOfVerts())
+        return "particles" if data.GetNumberOfCells() == data.GetNumberOfVerts() else "walls"
     kinds = data.GetDistinctCellTypesArray() if data.GetNumberOfCells() else None
-    return kinds is None or all(kinds.GetValue(i) in VERTEX_CELLS for i in range(kinds.GetNumberOfValues()))
+    found = set() if kinds is None else {kinds.GetValue(i) for i in range(kinds.GetNumberOfValues())}
+    if found <= set(VERTEX_CELLS):
+        return "particles"
+    return "walls" if found <= {*VERTEX_CELLS, *FLAT_CELLS} else "cells"
 
 
 def _hexahedra(data: Any) -> dict[str, Any]:
@@ -186,9 +196,10 @@ def answer(request: Any) -> tuple[Any, list[Any]]:
     else:
         datasets = read_file(request)
     if text := said.GetOutput().strip():
-        lines = [line.strip() for line in text.splitlines() if line.strip()]
-        told = next((line for line in lines if not line.startswith("ERROR")), lines[0])
-        raise BrokenFileError(re.sub(r"^vtk\w+ \(0x\w+\): ", "", told)[:200])
+        lines = [re.sub(r"^vtk\w+ \(0x\w+\): ", "", line.strip()) for line in text.splitlines() if line.strip()]
+        told = [line for line in lines if not line.startswith(("ERROR", "Warning"))] or lines
+        if told != [NO_POINTS]:
+            raise BrokenFileError(told[0][:200])
     pieces = [describe(name, data, request.get("wanted")) for name, data in datasets]
     heads = [
         facts | {"arrays": {key: [array.dtype.str, array.shape] for key, array in arrays.items()}}
