@@ -7,20 +7,20 @@ from suffice.wording import number, plain_number, seconds_text
 
 
 class Shown(NamedTuple):
-    """How a guard is told: its name, its unit, and what a value is multiplied by."""
+    """How a guard is told: its name, and the unit of its values."""
 
     name: str
     unit: str
-    scale: float = 1.0
 
 
 GUARDS = {
-    "overlap": Shown("overlap", "% of the radius", 100.0),
+    "overlap": Shown("overlap", "radii"),
     "speed": Shown("particle speed", "m/s"),
     "courant": Shown("Courant number", "cells per step"),
     "momentum": Shown("fluid momentum", "tolerances"),
     "continuity": Shown("fluid continuity", "tolerances"),
 }
+NEARLY_WHOLE = 0.95  # a share from which two digits would hide which side of the whole it is on
 UNITS = {name: shown.unit for name, shown in GUARDS.items()}
 OUTCOMES = {"done": "done", "limit": "stopped by a limit", "interrupted": "interrupted"}
 
@@ -84,6 +84,8 @@ def _pace_text(summary: Summary, pace: Pace) -> str:
 
 def energy_text(energy: Energy) -> str:
     """Say what the energy ledger misses."""
+    if not energy.put_in and not energy.largest_residual:
+        return "nothing was put in"
     share = percent(energy.residual, energy.put_in)
     most = percent(energy.largest_residual, energy.put_in)
     return (
@@ -99,13 +101,15 @@ def guard_name(name: str) -> str:
 
 def guard_text(name: str, guard: Guard) -> str:
     """Say how near to its limit a guard came."""
-    scale = GUARDS[name].scale if name in GUARDS else 1.0
-    largest = "not a number" if guard.largest is None else f"{number(scale * guard.largest)} {guard.unit}"
+    largest = "not a number" if guard.largest is None else _value(name, guard.largest, guard.unit)
     limit = "no limit"
     if guard.limit is not None:
-        unit = guard.unit.split()[0] if scale != 1.0 else guard.unit
-        limit = f"{percent(guard.largest, guard.limit)} of the limit of {number(scale * guard.limit)} {unit}"
+        limit = f"{percent(guard.largest, guard.limit)} of the limit of {_value(name, guard.limit, guard.unit)}"
     return f"{largest} at {seconds_text(guard.at)}, {limit}"
+
+
+def _value(name: str, value: float, unit: str) -> str:
+    return f"{number(100.0 * value)} % of the radius" if name == "overlap" else f"{number(value)} {unit}"
 
 
 def _lists_text(lists: Lists) -> str:
@@ -123,4 +127,7 @@ def clamp_text(clamp: Clamp) -> str:
 
 def percent(part: float | None, whole: float | None) -> str:
     """Return what share of a whole a part is, `–` where there is none."""
-    return "–" if part is None or not whole else f"{number(100.0 * abs(part) / abs(whole), 2)} %"
+    if part is None or not whole:
+        return "–"
+    share = abs(part) / abs(whole)
+    return f"{number(100.0 * share, 2 if share < NEARLY_WHOLE else 4)} %"

@@ -71,6 +71,7 @@ def test_a_guard_that_stopped_a_run_stands_at_its_limit_or_above(beads, tmp_path
         told = read_summary(run)
     assert told.outcome == "limit"
     assert told.guards["overlap"].share > 1.0 > told.guards["speed"].share
+    assert (told.guards["overlap"].unit, told.guards["overlap"].limit) == ("radii", 0.1)
     assert told.time > run.times[-1]
     assert "run.h5: stopped by a limit at t = " in capsys.readouterr().err
 
@@ -107,6 +108,7 @@ def test_a_limit_that_was_nearly_reached_is_warned_of(beads, whole, tmp_path):
     assert before.warnings == {}
     assert list(after.warnings) == ["near a limit"]
     assert "overlap" in after.warnings["near a limit"].first
+    assert "95 % of the limit" in after.warnings["near a limit"].first
 
 
 def test_a_run_that_gains_energy_from_nowhere_warns_of_it(beads, tmp_path, monkeypatch):
