@@ -5,11 +5,12 @@ renamed, removed), or before as many of them, drawn by chance, as `--changes` sa
 whole, all that was reported as written can be read, and the same command (simulate, train: with --resume) ends with the
 same bits as one that was let alone. Then Ctrl-C and SIGTERM at random moments: exit code 130 or 143, and the same
 again. Then a disk that is full: files may not grow beyond a random size, mostly while a finished output stands there;
-one message, and what stood is whole, of import, decompose and train the very same. The seed is told, so that a failure
-can be made again.
+one message, and what stood is whole, of import, decompose and train the very same. Then a folder that is read-only:
+one message, and nothing has changed. The seed is told, so that a failure can be made again.
 """
 
 import argparse
+import ctypes
 import json
 import os
 import shutil
@@ -41,6 +42,13 @@ def often() -> None:
     suffice.progress.SECONDS_BETWEEN_LINES = 0.0
     suffice.simulating.SECONDS_BETWEEN_CHECKPOINTS = 0.0
     suffice.store.SECONDS_BETWEEN_VIEWS = 0.0
+
+
+def unprivileged() -> None:
+    """Give up what lets root write where the mode bits forbid it."""
+    often()
+    version_3, nothing = (ctypes.c_uint32 * 2)(0x20080522, 0), (ctypes.c_uint32 * 6)()
+    assert ctypes.CDLL(None).capset(version_3, nothing) == 0
 
 
 def started(
@@ -106,6 +114,24 @@ class Harness:
 
     def _chance(self, name: str, what: int) -> np.random.Generator:
         return np.random.default_rng([self.seed, list(CASES).index(name), what])
+
+    def refused(self, name: str) -> dict[str, int]:
+        """Give a command a folder in which it may not write, over a finished output; return what happened."""
+        case, _ = self.whole(name)
+        folder = self.folder()
+        self.ended(case, folder)
+        inside = [folder, *folder.rglob("*")]
+        for path in inside:
+            path.chmod(0o555 if path.is_dir() else 0o444)
+        told = Child(case.words, folder, prepare=unprivileged).wait()
+        assert told.code in (1, 2), f"{name}: read-only folder: {told.code}: {told.said[-2000:]}"
+        assert told.said.count("suffice: ") == 1, f"{name}: read-only folder: {told.said[-2000:]}"
+        assert case.content(folder) == case.expected, f"{name}: the output that stood there is lost"
+        assert sorted(folder.rglob("*")) == sorted(inside[1:]), f"{name}: it has written into a read-only folder"
+        for path in inside:
+            path.chmod(0o755)
+        shutil.rmtree(folder)
+        return {"tried": 1, "hit": int(told.code > 0)}
 
     def _disturbed(self, name: str, moments: Sequence[int | None], how: signal.Signals) -> dict[str, int]:
         """Disturb a command before each of these changes, None at a random moment, and look at what is left."""
@@ -177,6 +203,7 @@ def main() -> None:
                 "SIGINT": lambda name=name: harness.stopped(name, wanted.interrupts, signal.SIGINT),
                 "SIGTERM": lambda name=name: harness.stopped(name, wanted.interrupts, signal.SIGTERM),
                 "full disk": lambda name=name: harness.filled(name, wanted.interrupts),
+                "read-only folder": lambda name=name: harness.refused(name),
             }
             for fault, told in found.items():
                 print(json.dumps({"command": name, "fault": fault, "seed": wanted.seed, **told()}), flush=True)

@@ -1,6 +1,12 @@
+import itertools
+import os
+import signal
+
+import h5py
 import numpy as np
 import pytest
 
+from suffice import store
 from suffice.quantities import Grid
 from suffice.refusal import Refusal
 from suffice.store import Run, RunWriter
@@ -236,3 +242,78 @@ def test_an_output_that_cannot_be_made_is_refused(tmp_path):
     assert (tmp_path / "thesis.txt").read_text() == "mine"
     with pytest.raises(Refusal, match=r"needs .* GB and its disk has .* GB free"):
         writer(tmp_path / "run.h5", n_snapshots=10**13)
+
+
+WRITES = ((h5py.Dataset, "__setitem__"), (h5py.Group, "__setitem__"), (h5py.File, "flush"), (h5py.File, "close"),
+          (os, "fsync"), (os, "replace"), (os, "unlink"))  # fmt: skip
+
+
+def killed_before(call, work):
+    """Do some work in a process that is killed before this of its calls of HDF5 and the system.
+
+    Return whether it was killed, and the number that it has told: that of the snapshots it was done with.
+    """
+    told, tells = os.pipe()
+    pid = os.fork()
+    if pid == 0:
+        count = itertools.count(1)
+
+        def dying(original):
+            def called(*arguments, **options):
+                if next(count) == call:
+                    os.kill(os.getpid(), signal.SIGKILL)
+                return original(*arguments, **options)
+
+            return called
+
+        for place, name in WRITES:
+            setattr(place, name, dying(getattr(place, name)))
+        try:
+            work(lambda: os.write(tells, b"."))
+        finally:
+            os._exit(0)
+    os.close(tells)
+    with open(told, "rb") as pipe:
+        done = len(pipe.read())
+    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == -signal.SIGKILL, done
+
+
+def assert_bitwise(path, count):
+    with Run(path) as run:
+        assert run.n_snapshots == count
+        for k in range(count):
+            for name, values in motion(k).items():
+                assert np.array_equal(run.snapshot(k).values[name], values.astype(np.float32)), (k, name)
+
+
+@pytest.mark.physics
+def test_a_run_killed_before_any_call_of_hdf5_keeps_every_counted_snapshot_bitwise_and_goes_on(tmp_path, monkeypatch):
+    monkeypatch.setattr(store, "SECONDS_BETWEEN_VIEWS", np.inf)  # one after the first snapshot, one at the end
+    path, last = tmp_path / "run.h5", 3
+
+    def work(tell):
+        with writer(path, n_snapshots=last) as run:
+            for k in range(last):
+                run.append(TIMES[k], motion(k))
+                tell()
+
+    kept = []
+    for call in itertools.count(1):
+        path.unlink(missing_ok=True)
+        killed, done = killed_before(call, work)
+        if path.exists():
+            with Run(path) as run:
+                kept.append(run.n_snapshots)
+                assert done <= run.n_snapshots <= done + 1, call
+            assert_bitwise(path, kept[-1])
+            if kept[-1] not in kept[:-1]:
+                with RunWriter.resume(path, kept[-1]) as again:
+                    for k in range(kept[-1], last):
+                        again.append(TIMES[k], motion(k))
+                assert_bitwise(path, last)
+        else:
+            assert done == 0
+        if not killed:
+            break
+    assert set(kept) == {0, 1, 2, 3}
+    assert call > 100  # HDF5 is called seven times for a snapshot, forty times for a view
