@@ -1,6 +1,7 @@
 """A basis on disk: mean, modes and what is known about them."""
 
 import json
+import os
 from collections.abc import Iterator, Mapping
 from itertools import chain
 from pathlib import Path
@@ -18,6 +19,7 @@ from suffice.refusal import Refusal
 KIND = "basis"
 ARRAYS = ("mean", "modes", "values", "residuals", "ratio", "tridiagonal")
 DAMAGE = (OSError, RuntimeError, LookupError, ValueError, TypeError)  # what HDF5 and JSON raise on broken content
+ROOM = 1 << 14  # bytes, for what HDF5 keeps about its datasets: 5 kB in a basis
 SHARED = ("mean", "modes", "weights")  # of which each process that shares the rows has its own
 
 
@@ -65,6 +67,7 @@ def write_basis(
         return
     part = path.with_name(path.name + ".part")
     try:
+        _find_room(part, basis, card, gram)
         with h5py.File(part, "w") as file:
             file["suffice/kind"] = np.bytes_(KIND.encode())
             file["suffice/card"] = np.bytes_(json.dumps(dict(card)).encode())
@@ -82,6 +85,16 @@ def write_basis(
         raise Refusal(
             f"output {path} cannot be written ({disk_words(error)}); name a file in a folder that exists"
         ) from None
+
+
+def _find_room(part: Path, basis: Basis, card: Mapping[str, Any], gram: NDArray[np.float64] | None) -> None:
+    """Raise OSError where the disk has no room for a basis: HDF5 can crash when it closes a file it could not write."""
+    shared = [array for name in SHARED if (array := getattr(basis, name)) is not None]
+    rows = sum(array.itemsize * int(np.prod(array.shape[1:])) for array in shared)
+    own = sum(getattr(basis, name).nbytes for name in ARRAYS if name not in SHARED)
+    with part.open("wb") as file:
+        size = card["n_rows"] * rows + own + (0 if gram is None else gram.nbytes) + len(json.dumps(dict(card)))
+        os.posix_fallocate(file.fileno(), 0, size + ROOM)
 
 
 def _write_pieces(file: h5py.File, name: str, pieces: Iterator[NDArray[np.float64]], rows: int) -> None:

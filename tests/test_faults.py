@@ -1,5 +1,6 @@
 """Kills, Ctrl-C, full disks, files that vanish, a clock that jumps: nothing that was told is lost."""
 
+import errno
 import json
 import os
 import subprocess
@@ -194,3 +195,22 @@ def test_a_full_disk_does_not_cost_the_model_that_stood(suffice, write_run, tmp_
     assert answer.code == 2
     assert "No space left on device" in answer.err.replace("\n", " ")
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_a_basis_that_does_not_fit_on_the_disk_is_refused_before_hdf5_begins(suffice, write_run, tmp_path, monkeypatch):
+    run, out = write_run(tmp_path / "run.h5"), tmp_path / "out"
+    words = f"decompose {run} --variable position -o {out}".split()
+    assert suffice(*words).code == 0
+    before, asked = out.read_bytes(), []
+
+    def full(_handle, _offset, size):
+        asked.append(size)
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    answer = suffice(*words)
+    assert answer.code == 2
+    assert "No space left on device" in answer.err.replace("\n", " ")
+    assert asked[0] >= len(before)
+    assert out.read_bytes() == before
+    assert not out.with_name("out.part").exists()
