@@ -125,10 +125,6 @@ def without_a_field(case):
     (case / "processor1" / "0.1" / "U.air").unlink()
 
 
-def without_velocities(case):
-    (case / "processor2" / "0.04" / "lagrangian" / "kinematicCloud" / "U").unlink()
-
-
 def without_a_cloud(case):
     shutil.rmtree(case / "processor2" / "0.04" / "lagrangian")
 
@@ -148,7 +144,6 @@ def without_positions(case):
     [
         (without_a_time, r"processor0 and processor1 do not hold the same times, 0.05 s is in one of them alone"),
         (without_a_field, r"time 0.01 holds fluid.velocity, which the last time, 0.1 s, does not or has damaged"),
-        (without_velocities, r"time 0.04 has no array U, which the first snapshot has"),
         (without_a_cloud, r"time 0.04: particle id \d+ is missing \(\d+ of 64 lost"),
         (collated, r"VTK cannot read processors3, files in collated form; run reconstructPar"),
         (without_positions, r"no positions of its cloud kinematicCloud; .* need foamToVTK first: .* --map cloud=none"),
