@@ -141,7 +141,7 @@ def cloud(ratio: float, viscosity: float = 1e-3) -> float:
     return max(abs(float(abs(particles.mean() - fluid.mean()) / slip - 1.0)), abs(float(momentum)))
 
 
-def at_rest_together(speed: float) -> float:
+def at_rest_together(speed: float, coupling: str) -> float:
     """Spheres and fluid that move alike: no force, nothing lost; largest change of a velocity, over the speed or 1."""
     edge, cells = 2e-3, 3
     run = CoupledSimulation(
@@ -153,7 +153,7 @@ def at_rest_together(speed: float) -> float:
             time={"duration": 1e-3}, output={"interval": 1e-3, "precision": "double"},
             fluid={"density": WATER, "viscosity": 1e-3, "lowest": [0, 0, 0], "highest": [cells * edge] * 3,
                    "cells": [cells] * 3, "velocity": [speed, 0.0, 0.0]},
-            drag={},
+            drag={"coupling": coupling},
         )
     )  # fmt: skip
     run.advance_to(run.steps_per_snapshot)
@@ -218,8 +218,8 @@ CASES = [
     *(Case("settling", f"viscosity {mu:g} Pa s", lambda mu=mu: settling(2.5, mu), 1e-6) for mu in (1e-6, 1e-3, 1, 1e3)),
     *(Case("settling", f"density ratio {r:g}", lambda r=r: settling(r), 1e-6) for r in (1e-3, 0.5, 1e4)),
     Case("settling", "density ratio 1e-3, Re_p 2e5", lambda: settling(1e-3, 1e-6), 1e-6),
-    Case("cloud, two-way", "slip 0, at rest", lambda: at_rest_together(0.0), 0.0),
-    Case("cloud, two-way", "slip 0, both at 1 m/s", lambda: at_rest_together(1.0)),
+    Case("cloud, two-way", "slip 0, at rest", lambda: at_rest_together(0.0, "two-way"), 0.0),
+    Case("cloud, one-way", "slip 0, both at 1 m/s", lambda: at_rest_together(1.0, "one-way")),
     *(Case("cloud, two-way", f"viscosity {mu:g} Pa s", lambda mu=mu: cloud(2.5, mu), 1e-5) for mu in (1e-6, 1, 1e3)),
     Case("cloud, two-way", "density ratio 1e4", lambda: cloud(1e4), 1e-5),
     Case("cloud, two-way", "density ratio 0.5", lambda: cloud(0.5), 1e-5),
