@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.drag import DRAG_LAWS, fill_coefficients
+from sim.errors import LimitError
 from sim.exchange import Cloud, cloud_of, interpolate_, spread_
 from sim.flow import Drag
 from sim.fluid import Fluid
@@ -21,6 +22,8 @@ from sim.kernel import Array, Vector
 from sim.state import Particles, mass
 from sim.suspended import Suspended, suspended_in
 
+LARGEST_ANSWER = 2.0  # of particles to the pressure that a change of their velocity calls up; see `check_light`
+SPARSE = 0.7  # void fraction above which drag alone may hold light particles to the fluid
 VOID, SQUARE = 6, 7  # columns of ε and of the mean u² among what a particle sees of the fluid; u and ∇p are before
 
 
@@ -58,19 +61,20 @@ class Coupling:
         if self.two_way:
             fluid.void_fraction = self.void_fraction(fluid, cloud, p.position, p.radius)
         seen = self._seen(fluid, cloud, p)
-        coefficient = np.empty(len(p.radius))
+        fall, coefficient = self._lift(fluid, p, seen) + self.gravity, np.empty(len(p.radius))
         fill_coefficients(
             DRAG_LAWS[self.drag.law], p.velocity, p.radius, seen[:, :3].copy(), seen[:, VOID].copy(),
-            fluid.table.density, fluid.table.viscosity, coefficient,
+            fluid.table.density, fluid.table.viscosity, fall, np.where(held, 0.0, p.inverse_mass), dt, coefficient,
         )  # fmt: skip
         assumed = np.zeros_like(p.position)
         if not self.two_way:
             fluid.step_(time, dt, None)
             seen = self._seen(fluid, cloud, p)
         else:
-            share, lead = following(np.where(held, 0.0, coefficient * p.inverse_mass * dt))
-            falls = lead[:, None] * (self._lift(fluid, p, seen) + self.gravity)
-            target, acting = p.velocity + dt * falls, share * coefficient
+            pace = coefficient * p.inverse_mass * dt
+            check_light(fluid, p, seen[:, VOID], following(pace)[0], time)
+            share, lead = following(np.where(held, 0.0, pace))
+            target, acting = p.velocity + dt * (lead[:, None] * fall), share * coefficient
             exchange = self._exchange(fluid, cloud, p, acting, target, dt)
             fluid.step_(time, dt, exchange)
             seen = self._seen(fluid, cloud, p)
@@ -152,6 +156,31 @@ def following(pace: Array) -> tuple[Array, Array]:
     x = np.where(slow, 1.0, pace)
     share = np.where(slow, 1.0 - 0.5 * pace, -np.expm1(-x) / x)
     return share, np.where(pace > 0.0, np.where(slow, 0.5 + pace / 12.0, (1.0 - share) / (share * x)), 0.0)
+
+
+def lightness(fluid: Fluid, p: Particles) -> Array:
+    """Density of the fluid over that of every particle, (n,); 0 of those that are fixed."""
+    return np.asarray(fluid.table.density * 4.0 / 3.0 * np.pi * p.radius**3 * p.inverse_mass)
+
+
+def check_light(fluid: Fluid, p: Particles, void: Array, share: Array, time: float) -> None:
+    """Stop where particles are too light for a pressure that lags by a step (LimitError).
+
+    A change w of their velocity calls up the pressure gradient ρ_f (1 − ε)/ε w/Δt one step later, which changes it by
+    q w, q = (1 − ε)/ε ρ_f/ρ_p. The kernel smooths that by half: beyond q = 2 it grows from step to step, unless drag
+    leaves little of it (share s of a step) among few particles.
+    """
+    light = lightness(fluid, p)
+    answer = light * (1.0 - void) / void * np.where(void < SPARSE, 1.0, share)
+    worst = int(np.argmax(answer))
+    if answer[worst] > LARGEST_ANSWER:
+        there, density = fluid.table.density, fluid.table.density / light[worst]
+        raise LimitError(
+            f"particle {p.id[worst]} of {density:.4g} kg/m³ is too light for a fluid of {there:.4g} kg/m³ at a void "
+            f"fraction of {void[worst]:.3g} (t = {time:.6g} s): without its added mass, which is not modelled, its "
+            f"velocity would grow from step to step; give it {density * answer[worst] / LARGEST_ANSWER:.3g} kg/m³ at "
+            'least, take fewer particles, or set drag.coupling = "one-way"'
+        )
 
 
 def cell_velocity(fluid: Fluid) -> Array:

@@ -3,14 +3,16 @@
 F_d = β V_p/(1 − ε) (u − v). The coefficient κ = β V_p/(1 − ε), kg/s, is one expression in which 1 − ε cancels.
 """
 
-from math import exp, log10, pi, sqrt
+from math import exp, expm1, log10, pi, sqrt
 
-from sim.kernel import Array, inlined, kernel
+from sim.kernel import Array, Vector, inlined, kernel
 
 ERGUN_WEN_YU, BLENDED, DI_FELICE = range(3)
 DRAG_LAWS = {"ergun-wen-yu": ERGUN_WEN_YU, "blended": BLENDED, "di-felice": DI_FELICE}
 DENSE = 0.8  # void fraction up to which Ergun's equation holds
 BLENDING = 0.05  # half width, in void fraction, of the blended change from one to the other
+LARGEST_CHANGE = 2.0  # factor by which κ may change within a step of the fluid that is longer than m/κ
+HALVINGS = 50
 
 
 @inlined
@@ -71,13 +73,62 @@ def drag_coefficient(law: int, slip: float, diameter: float, void: float, densit
     return volume * (packed + share * (wen_yu(slip, diameter, void, density, viscosity) - packed))
 
 
+@inlined
+def length(a: Vector) -> float:
+    """Length of a vector."""
+    return sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+
+
+@inlined
+def slip_left(slip: Vector, fall: Vector, pace: float, dt: float) -> float:
+    """|w e^(−λΔt) − a (1 − e^(−λΔt))/λ|, m/s, of a slip w and an acceleration a after a step of pace λ Δt."""
+    share = -expm1(-pace) / pace if pace > 1e-8 else 1.0
+    kept, fallen = exp(-pace), share * dt
+    return length(
+        (kept * slip[0] - fallen * fall[0], kept * slip[1] - fallen * fall[1], kept * slip[2] - fallen * fall[2])
+    )
+
+
+@kernel
+def coefficient_over(
+    law: int, slip: Vector, fall: Vector, mobility: float, dt: float, diameter: float, void: float, density: float,
+    viscosity: float,
+) -> float:  # fmt: skip
+    """κ for a step of `dt` (s): of the slip w at its beginning, or at its end where drag would outrun the step.
+
+    `mobility` is 1/m of a particle (1/kg), 0 where others hold it. Where κ Δt/m > 1 and κ at the end is another by more
+    than `LARGEST_CHANGE`, that of the beginning would throw a light particle from far too fast to far too slow and
+    back; κ = κ(|w(κ)|) of the end, found by bisection, leads it to its terminal velocity.
+    """
+    before = drag_coefficient(law, length(slip), diameter, void, density, viscosity)
+    if mobility == 0.0:
+        return before
+    after = drag_coefficient(law, slip_left(slip, fall, before * mobility * dt, dt), diameter, void, density, viscosity)
+    low, high = min(before, after), max(before, after)
+    if high * mobility * dt <= 1.0 or high <= LARGEST_CHANGE * low:
+        return before
+    for _ in range(HALVINGS):
+        middle = sqrt(low * high)
+        left = slip_left(slip, fall, middle * mobility * dt, dt)
+        if drag_coefficient(law, left, diameter, void, density, viscosity) > middle:
+            low = middle
+        else:
+            high = middle
+    return sqrt(low * high)
+
+
 @kernel
 def fill_coefficients(
     law: int, velocity: Array, radius: Array, fluid: Array, void: Array, density: float, viscosity: float,
-    coefficient: Array,
+    fall: Array, mobility: Array, dt: float, coefficient: Array,
 ) -> None:  # fmt: skip
-    """Fill κ (n,), kg/s, of particles of velocity (n, 3) in a fluid of velocity (n, 3), m/s, and void fraction (n,)."""
+    """Fill κ (n,), kg/s, of particles of velocity (n, 3) in a fluid of velocity (n, 3), m/s, and void fraction (n,).
+
+    For a step of `dt` (s), in which they fall by `fall` (n, 3) m/s² with `mobility` (n,) 1/kg: `coefficient_over`.
+    """
     for i in range(radius.shape[0]):
-        x, y, z = fluid[i, 0] - velocity[i, 0], fluid[i, 1] - velocity[i, 1], fluid[i, 2] - velocity[i, 2]
-        slip = sqrt(x * x + y * y + z * z)
-        coefficient[i] = drag_coefficient(law, slip, 2.0 * radius[i], void[i], density, viscosity)
+        slip = (fluid[i, 0] - velocity[i, 0], fluid[i, 1] - velocity[i, 1], fluid[i, 2] - velocity[i, 2])
+        acting = (fall[i, 0], fall[i, 1], fall[i, 2])
+        coefficient[i] = coefficient_over(
+            law, slip, acting, mobility[i], dt, 2.0 * radius[i], void[i], density, viscosity
+        )
