@@ -110,7 +110,9 @@ class OpenFoamCase:
 
     def _read(self, vtk: VtkProcess, time: float) -> dict[str, Piece]:
         """Return the datasets of one time by name; particles with one id made of their two labels."""
-        found = {piece.facts["name"]: piece for piece in vtk.read_case(self._control, time, _size_of(self.case, time))}
+        found = {
+            piece.facts["name"]: piece for piece in vtk.read_case(self._control, time, size_of_case(self.case, time))
+        }
         for name, piece in found.items():
             if name.startswith(CLOUDS) and "point:origId" in piece.arrays:
                 number = piece.arrays["point:origId"].astype(np.int64)
@@ -166,11 +168,14 @@ def _case_of(sources: Sequence[Path]) -> Path:
     return case
 
 
-def _size_of(case: Path, time: float) -> int:
-    """Return the bytes of the files that hold the mesh and one time."""
+def size_of_case(case: Path, time: float) -> int:
+    """Return the bytes of the files that hold the mesh and one time. Raises `Refusal` for a device or a pipe."""
     folders = [case / "constant" / "polyMesh"]
     folders += [path for path in case.iterdir() if path.is_dir() and _is_time(path.name, time)]
-    return sum(file.stat().st_size for folder in folders for file in folder.rglob("*") if file.is_file())
+    files = [file for folder in folders for file in folder.rglob("*") if not file.is_dir()]
+    if odd := next((file for file in files if not file.is_file()), None):
+        raise Refusal(f"{odd} is no file, and may have no end; put a file there, or remove it")
+    return sum(file.stat().st_size for file in files)
 
 
 def _is_time(name: str, time: float) -> bool:
