@@ -139,14 +139,14 @@ def info(
 ) -> None:
     """Say what a run, a basis or a model holds and what made it."""
     from suffice.basis_file import read_card
-    from suffice.combined import read_combined_card
+    from suffice.combined import read_told_card
     from suffice.impacts import impact_facts
     from suffice.model import read_model_card
     from suffice.results import facts_of
     from suffice.run import Run
     from suffice.tables import show_combined, show_facts_and_found
 
-    answer = (read_model_card(file) or read_combined_card(file)) if file.is_dir() else read_card(file)
+    answer = (read_model_card(file) or read_told_card(file)) if file.is_dir() else read_card(file)
     if answer is None:
         with Run(file) as run:
             answer = {**facts_of(run), "series": sorted(run.series), **impact_facts(run), **run.provenance, **run.found}

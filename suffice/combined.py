@@ -20,12 +20,18 @@ VARIABLES = (*QUANTITIES, *component_names(QUANTITIES))
 
 
 def read_combined_card(folder: Path) -> dict[str, Any] | None:
-    """Return the card of a combined model, None where the folder holds none or another kind of card.
+    """Return the card of a combined model, None where the folder holds none or another kind of card."""
+    card = read_card(folder / CARD)
+    return card if card is not None and card.get("kind") == KIND else None
+
+
+def read_told_card(folder: Path) -> dict[str, Any] | None:
+    """Return the card of a combined model to be shown, None where the folder holds none.
 
     Raises Refusal for a card that does not tell of every part what a training tells.
     """
-    card = read_card(folder / CARD)
-    if card is None or card.get("kind") != KIND:
+    card = read_combined_card(folder)
+    if card is None:
         return None
     for field, told in (("parts", TOLD), ("derived", ("of", "unit", "rmse"))):
         entries = card.get(field)

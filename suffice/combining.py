@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from suffice.combined import TOLD, begin, check_combined_place, check_plan, finish, read_combined_card, tells
+from suffice.combined import TOLD, begin, check_combined_place, check_plan, finish, read_told_card, tells
 from suffice.door import InterruptedRunError
 from suffice.model import read_model_card, training_stands
 from suffice.planning import Part, Plan, Wanted, parse_limits, plan_parts
@@ -101,7 +101,7 @@ def _combined(
     check_combined_place(folder)
     if request.resume:
         check_plan(folder, asked)
-        if (done := read_combined_card(folder)) is not None:
+        if (done := read_told_card(folder)) is not None:
             return done
     else:
         begin(folder, asked, [part.variable for part in plan.parts])

@@ -122,7 +122,9 @@ def _say(message: str, code: int) -> int:
 
 
 def _may_be_replaced(path: Path) -> bool:
-    """Tell whether nothing stands there, or JSON: a run named by mistake must survive."""
+    """Tell whether nothing stands there, or JSON: a run named by mistake must survive, a pipe is not waited for."""
+    if path.exists() and not path.is_file():
+        return False
     try:
         with path.open("rb") as file:
             return file.read(1) in (b"{", b"[", b"")

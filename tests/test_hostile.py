@@ -14,6 +14,8 @@ from sim import InputError, parse_scene, simulation_of
 from suffice.basis_file import read_card, read_gram
 from suffice.checkpoint import checkpoint_path, read_checkpoint
 from suffice.checkpoint_check import check_state
+from suffice.door import write_json
+from suffice.omissions_section import _observables, terms_figure
 from suffice.readers import import_run, vtk_process
 from suffice.readers.openfoam import size_of_case
 from suffice.recording import Recorder
@@ -190,6 +192,8 @@ def test_a_pipe_in_the_place_of_a_file_is_refused_and_not_waited_for(suffice, tm
         assert "neither a file nor a folder" in answer.err
     with pytest.raises(Refusal, match="no file"):
         read_json(tmp_path / "results.json")
+    with pytest.raises(Refusal, match="is no JSON"):
+        write_json({}, str(tmp_path / "results.json"))
     with pytest.raises(Refusal, match="no file"):
         read_checkpoint(tmp_path / "run.h5")
     with pytest.raises(UnfitTraining, match="no file"):
@@ -261,3 +265,23 @@ def test_the_state_of_a_training_that_counts_backwards_is_refused(tmp_path):
         write_state(tmp_path, State(facts, settings, weights, weights, {}))
         with pytest.raises(UnfitTraining, match="is damaged"):
             read_state(tmp_path)
+
+
+@pytest.mark.parametrize("change", [{"parts": {"position.x": 3}}, {"derived": 1.5}, {"limits": []}])
+def test_a_card_of_a_combined_model_that_cannot_be_shown_is_refused(suffice, tmp_path, change):
+    card = {"kind": "combined", "version": 1, "parts": {}, "derived": {}, "limits": {}} | change
+    (tmp_path / "model.json").write_text(json.dumps(card))
+    answer = suffice("info", tmp_path)
+    assert answer.code == 2
+    assert next(iter(change)) in answer.err
+
+
+def test_names_in_what_was_left_out_never_act_as_markup_on_the_page():
+    evil = "<img src=x onerror=alert(1)>"
+    cost = {"seconds": 1.0, "processor_seconds": 1.0, "particle_steps_per_second": 1e6, "seconds_of": {evil: 1.0}}
+    row = cost | {"variant": evil, "left_out": evil, "refused": None, "relative_cost": 1.0, "differences": {}}
+    known = {evil: {"unit": evil, "text": evil, "mean": 1.0, "floor": 0.1}}
+    answer = {"reference": cost, "rows": [row], "observables": known}
+    for text in (_observables(answer), json.dumps(terms_figure(answer))):
+        assert "<img" not in text
+        assert "&lt;img" in text
