@@ -136,7 +136,11 @@ class Child:
             if noted[0] == dies_at:
                 os.kill(os.getpid(), signal.SIGKILL)
             for place in arguments[: 2 if event == "os.rename" else 1]:
-                path = os.path.realpath(os.fsdecode(place)) if isinstance(place, str | bytes | os.PathLike) else home
+                path = os.fsdecode(place) if isinstance(place, str | bytes | os.PathLike) else home
+                # a link that is renamed or removed is changed itself, not what it leads to
+                whole = event in ("open", "os.truncate")
+                folder, name = ("", os.path.realpath(path)) if whole else os.path.split(os.path.abspath(path))
+                path = os.path.join(os.path.realpath(folder), name)
                 if not path.startswith((home, "/dev/", "/proc/")) and "numba" not in path and "suffice-" not in path:
                     told = (path + "\n").encode()
                     end = self._shared.find(b"\0", places)

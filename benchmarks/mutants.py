@@ -217,18 +217,18 @@ def mutate_model(rng: Rng, folder: Path) -> None:
     if what == 0:
         mutate_file(card, lambda text: mutated_text(rng, text))
     elif what <= 3:
-        mutate_file(card, lambda text: _mutated_json(rng, text))
+        mutate_file(card, lambda text: mutated_json(rng, text))
     elif what == 4:
         mutate_file(arrays, lambda content: mutated_bytes(rng, content, 2000 if rng.integers(2) else None))
     elif what == 5:
-        mutate_file(arrays, lambda content: _mutated_header(rng, content))
+        mutate_file(arrays, lambda content: mutated_header(rng, content))
     else:
         place = one_of(rng, (card, arrays))
         place.unlink()
         place.symlink_to(one_of(rng, ("/dev/zero", "/etc/passwd", "/nothing", place.name, "..")))
 
 
-def _mutated_json(rng: Rng, text: bytes) -> bytes:
+def mutated_json(rng: Rng, text: bytes) -> bytes:
     """Change one value somewhere in JSON, or a key."""
     tree = json.loads(text)
     if rng.integers(12) == 0:
@@ -252,11 +252,11 @@ def _mutated_json(rng: Rng, text: bytes) -> bytes:
     return json.dumps(tree).encode()
 
 
-def _mutated_header(rng: Rng, content: bytes) -> bytes:
+def mutated_header(rng: Rng, content: bytes, change: Callable[[Rng, bytes], bytes] = mutated_json) -> bytes:
     """Change the header of safetensors, which says where each array lies."""
     size = struct.unpack("<Q", content[:8])[0]
     header, body = content[8 : 8 + size], content[8 + size :]
     if rng.integers(4) == 0:
         return struct.pack("<Q", int(one_of(rng, (0, 1, size - 1, size + 1, 10**8, 10**12, 2**63)))) + header + body
-    header = _mutated_json(rng, header)
+    header = change(rng, header)
     return struct.pack("<Q", len(header)) + header + body

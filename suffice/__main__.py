@@ -140,7 +140,7 @@ def info(
 ) -> None:
     """Say what a run, a basis or a model holds and what made it."""
     from suffice.basis_file import read_card
-    from suffice.combined import read_combined_card
+    from suffice.combined import read_told_card
     from suffice.impacts import impact_facts
     from suffice.model import read_model_card
     from suffice.results import facts_of
@@ -150,7 +150,7 @@ def info(
     from suffice.tables import show_combined, show_facts_and_found
 
     summary = None
-    answer = (read_model_card(file) or read_combined_card(file)) if file.is_dir() else read_card(file)
+    answer = (read_model_card(file) or read_told_card(file)) if file.is_dir() else read_card(file)
     if answer is None:
         with Run(file) as run:
             answer = {**facts_of(run), "series": sorted(run.series), **impact_facts(run), **run.provenance, **run.found}

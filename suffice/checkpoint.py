@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from suffice.door import disk_words
+from suffice.layout import hard_node
 from suffice.refusal import Refusal
 
 
@@ -53,13 +54,17 @@ def write_checkpoint(run: Path, state: dict[str, NDArray[Any]]) -> None:
 def read_checkpoint(run: Path) -> dict[str, NDArray[Any]] | None:
     """Return the state, or None where there is none.
 
-    Raises Refusal when the file is damaged.
+    Raises Refusal when the file is damaged, leads elsewhere or declares more than it holds.
     """
     path = checkpoint_path(run)
     if not path.exists():
         return None
+    if not path.is_file():
+        raise Refusal(f"checkpoint {path} is no file; remove it and start the run anew")
     try:
         with h5py.File(path, "r", locking=False) as file:
-            return {name: np.asarray(file[name][()]) for name in file}
-    except (OSError, KeyError, TypeError) as error:
+            return {name: np.asarray(hard_node(file, name)[()]) for name in file}
+    except Refusal:
+        raise
+    except (OSError, RuntimeError, LookupError, TypeError, ValueError) as error:
         raise Refusal(f"checkpoint {path} cannot be read ({error}); remove it and start the run anew") from None

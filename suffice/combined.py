@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,10 @@ from suffice.refusal import Refusal
 
 KIND = "combined"
 PLAN = "plan.json"  # what a training was asked for, until it is done
+TOLD = (  # of each part
+    "interval", "n_snapshots", "n_modes", "n_lr", "n_c", "unit", "rmse", "rmse_diameters", "projection_rmse",
+    "storage_bytes", "window",
+)  # fmt: skip
 VARIABLES = (*QUANTITIES, *component_names(QUANTITIES))
 
 
@@ -19,6 +23,28 @@ def read_combined_card(folder: Path) -> dict[str, Any] | None:
     """Return the card of a combined model, None where the folder holds none or another kind of card."""
     card = read_card(folder / CARD)
     return card if card is not None and card.get("kind") == KIND else None
+
+
+def read_told_card(folder: Path) -> dict[str, Any] | None:
+    """Return the card of a combined model to be shown, None where the folder holds none.
+
+    Raises Refusal for a card that does not tell of every part what a training tells.
+    """
+    card = read_combined_card(folder)
+    if card is None:
+        return None
+    for field, told in (("parts", TOLD), ("derived", ("of", "unit", "rmse"))):
+        entries = card.get(field)
+        if not isinstance(entries, dict) or not all(tells(entry, told) for entry in entries.values()):
+            raise Refusal(f"{folder / CARD}: {field} does not tell what a training tells; train the model again")
+    if not isinstance(card.get("limits"), dict):
+        raise Refusal(f"{folder / CARD}: limits is no table; train the model again")
+    return card
+
+
+def tells(card: Any, names: Collection[str]) -> bool:
+    """Tell whether a card, or a part of one, has all these names, and a plain word as its unit."""
+    return isinstance(card, dict) and set(names) <= set(card) and isinstance(card.get("unit"), str)
 
 
 def load_models(folder: Path) -> list[Model]:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from suffice.combined import begin, check_combined_place, check_plan, finish, read_combined_card
+from suffice.combined import TOLD, begin, check_combined_place, check_plan, finish, read_told_card, tells
 from suffice.door import InterruptedRunError
 from suffice.lock import only_writer_in
 from suffice.model import read_model_card, training_stands
@@ -16,11 +16,6 @@ from suffice.run import Run
 from suffice.selecting import thresholds_of
 from suffice.training import Wish, check_wish, train_model
 from suffice.variables import default_variables
-
-TOLD = (
-    "interval", "n_snapshots", "n_modes", "n_lr", "n_c", "unit", "rmse", "rmse_diameters", "projection_rmse",
-    "storage_bytes", "window",
-)  # fmt: skip
 
 
 class Request(NamedTuple):
@@ -110,7 +105,7 @@ def _combined(run: Run, folder: Path, what: tuple[Plan, Request, dict[str, Any]]
     plan, request, asked = what
     if request.resume:
         check_plan(folder, asked)
-        if (done := read_combined_card(folder)) is not None:
+        if (done := read_told_card(folder)) is not None:
             return done
     else:
         begin(folder, asked, [part.variable for part in plan.parts])
@@ -130,6 +125,8 @@ def _trained(run: Run, place: Path, part: Part, request: Request, reporter: Repo
     wish = _wish(part, request)
     done = read_model_card(place) if request.resume else None
     if done is not None:
+        if not tells(done, (*TOLD, "velocity_rmse")):
+            raise Refusal(f"--resume: the card of {place} is damaged; remove that folder, it is then trained again")
         return done
     return train_model(run, place, wish._replace(resume=request.resume and training_stands(place)), reporter)
 

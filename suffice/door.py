@@ -175,7 +175,10 @@ def write_text(path: Path, text: str) -> None:
     Raises OSError, and then leaves nothing beside.
     """
     if path.exists() and not path.is_file():
-        path.write_text(text, encoding="utf-8")
+        descriptor = os.open(path, os.O_WRONLY | os.O_NONBLOCK)  # a pipe that nobody reads is an error, not waited for
+        os.set_blocking(descriptor, True)
+        with open(descriptor, "w", encoding="utf-8") as device:
+            device.write(text)
         return
     part = path.with_name(path.name + ".part")
     try:

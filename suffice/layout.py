@@ -63,7 +63,7 @@ def hard_node(file: Any, name: str) -> Any:
         node = node[part]
     if isinstance(node, h5py.Dataset) and (node.is_virtual or node.external):
         raise Refusal(f"{file.filename}: {name} lies in another file; it must hold its own data: copy them into it")
-    if isinstance(node, h5py.Dataset) and node.dtype.kind not in "fiS":  # references, and lengths that HDF5 trusts
+    if isinstance(node, h5py.Dataset) and node.dtype.kind not in "fiuS":  # references, and lengths that HDF5 trusts
         raise Refusal(f"{file.filename}: {name} holds neither numbers nor plain text; make it again")
     if isinstance(node, h5py.Dataset) and not _held(node):
         raise Refusal(

@@ -156,11 +156,11 @@ def terms_figure(answer: Mapping[str, Any]) -> Figure:
         {
             "type": "bar",
             "orientation": "h",
-            "name": term,
+            "name": escape(str(term)),
             "y": [escape(name) for name, _ in costs],
             "x": [cost["seconds_of"].get(term, 0.0) for _, cost in costs],
             "marker": {"color": COLOURS[i % len(COLOURS)]},
-            "hovertemplate": f"%{{y}}: {term} %{{x:.3g}} s<extra></extra>",
+            "hovertemplate": f"%{{y}}: {escape(str(term))} %{{x:.3g}} s<extra></extra>",
         }
         for i, term in enumerate(terms)
     ]
@@ -217,7 +217,7 @@ def _observables(answer: Mapping[str, Any]) -> str:
     known = [row for row in answer["rows"] if row["refused"] is None]
     rows = []
     for name, what in answer["observables"].items():
-        unit = "" if what["unit"] == "1" else f" {what['unit']}"
+        unit = "" if what["unit"] == "1" else f" {escape(str(what['unit']))}"
         own = "profile" if what["mean"] is None else f"{number(what['mean'])}{unit}"
         cells = _cells([own, _percent(what["floor"]), *(_signed(row, name) for row in known)])
         rows.append(f'<tr><td title="{escape(what["text"])}">{escape(name)}</td>{cells}</tr>')

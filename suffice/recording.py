@@ -12,6 +12,7 @@ from sim import AnyRun
 from sim.checkpoint import restore_, state_of
 from sim.state import Snapshot
 from suffice import layout
+from suffice.checkpoint_check import check_state
 from suffice.in_situ import InSitu
 from suffice.logbook import Logbook, summed_up
 from suffice.refusal import Refusal
@@ -165,8 +166,9 @@ class Recorder:
     def resume(
         cls, simulation: AnyRun, path: Path, watch: InSitu | None, tolerance: float | None, state: dict[str, Any]
     ) -> "Recorder":
-        """Go on where a checkpoint was written. Raises Refusal where it is of another kind of run."""
+        """Go on where a checkpoint was written. Raises Refusal where it is damaged, or of another kind of run."""
         try:
+            check_state(simulation, state)
             restore_(simulation, state)
             seen = int(state["record.seen"])
             kept = seen if tolerance is None else int(state["thinning.kept"])
@@ -180,8 +182,12 @@ class Recorder:
                 self.writer.put(name, np.bytes_(b""))
             if self.thinning is not None:
                 self.thinning.restore_(state)
+        except Refusal:
+            raise
         except KeyError as error:
             raise Refusal(f"checkpoint of {path} lacks {error}; remove it and start the run anew") from None
+        except (IndexError, TypeError, ValueError) as error:
+            raise Refusal(f"checkpoint of {path} is damaged: {error}; remove it and start the run anew") from None
         self.seen = seen
         return self
 

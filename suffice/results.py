@@ -38,13 +38,15 @@ def case_files(folder: Path, k: int) -> CaseFiles:
 def read_json(path: Path) -> Any:
     """Return what a JSON file holds, None where there is no file.
 
-    Raises Refusal for a damaged one.
+    Raises Refusal for a damaged one, and for what is no file.
     """
+    if path.exists() and not path.is_file():
+        raise Refusal(f"{path} is no file; remove it and run the study again")
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise Refusal(f"{path} cannot be read ({error}); run the study again") from None
 
 

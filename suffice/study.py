@@ -17,7 +17,7 @@ from typing import Any
 from pydantic import Field, ValidationError, model_validator
 
 from suffice.comparing import Comparing, compare_as_wished
-from suffice.door import write_json
+from suffice.door import refusals, write_json
 from suffice.doubts import warn_of_comparisons, warn_of_verdicts
 from suffice.full_size import FullSize, full_size_stages
 from suffice.lock import only_writer
@@ -35,6 +35,8 @@ from suffice.selecting import select_curves, select_json, select_run, thresholds
 from suffice.source import Source, reading_stage
 from suffice.speeds import Speeds, speed_stages
 from suffice.stages import Settings, Stage, scene_in, simulation_stage
+
+LOGGED = {"digest", "outputs", "seconds", "detail", "made"}  # of each stage
 
 
 class Selecting(Settings):
@@ -131,7 +133,7 @@ def run_study(name_or_path: str, folder: Path | None, reporter: Reporter, say: C
 
 def _run_stage(stage: Stage, digest: str, folder: Path, say: Callable[[str], None], reporter: Reporter) -> None:
     """Run a stage unless its outputs stand and were made from the same inputs; keep what it warned of."""
-    log = read_json(folder / LOG) or {}
+    log = read_log(folder / LOG)
     done = log.pop(stage.name, {})
     if done.get("digest") == digest and done.get("outputs") == _stamps(stage.outputs):
         say(f"{stage.name}: nothing changed, kept from {done['made']} ({done['detail']})")
@@ -148,6 +150,15 @@ def _run_stage(stage: Stage, digest: str, folder: Path, say: Callable[[str], Non
     write_json(log, str(folder / LOG))
     several = f", {warned.count} warnings" if warned.count > 1 else ", 1 warning" if warned else ""
     say(f"{stage.name}: {detail}, {seconds:.1f} s{several}")
+
+
+def read_log(path: Path) -> dict[str, Any]:
+    """Return what is known of the stages that are done. Raises Refusal for a log that is no such list."""
+    log = read_json(path) or {}
+    entries = log.values() if isinstance(log, dict) else [None]
+    if not all(isinstance(entry, dict) and set(entry) >= LOGGED for entry in entries):
+        raise Refusal(f"{path} is no list of stages as a study writes it; remove it, then every stage runs again")
+    return dict(log)
 
 
 def _stamps(outputs: tuple[Path, ...]) -> list[list[int] | None]:
@@ -216,12 +227,23 @@ def _compare(study: Study, folder: Path, reporter: Reporter) -> str:
 
 
 def make_report(folder: Path, name: str) -> str:
-    """Gather what a folder holds into results.json and report.html; return a few words."""
-    results = gather(folder, name)
-    player = player_of(*played(folder, results))
-    # the frames are in the run already, and in the page
-    write_json(results | ({} if player is None else {"player": player.facts}), str(folder / "results.json"))
-    write_report(results | {"player": player, "pictures": _pictures(folder, results)}, folder / "report.html")
+    """Gather what a folder holds into results.json and report.html; return a few words.
+
+    Raises Refusal where what it holds is not what a study writes.
+    """
+    try:
+        results = gather(folder, name)
+        player = player_of(*played(folder, results))
+        # the frames are in the run already, and in the page
+        write_json(results | ({} if player is None else {"player": player.facts}), str(folder / "results.json"))
+        write_report(results | {"player": player, "pictures": _pictures(folder, results)}, folder / "report.html")
+    except refusals():
+        raise
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+        raise Refusal(
+            f"{folder} holds results that cannot be shown ({type(error).__name__}: {error}): something else than this "
+            f"version of suffice wrote them; remove {folder / LOG} and run the study again"
+        ) from error
     return "one page"
 
 

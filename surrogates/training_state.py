@@ -114,6 +114,8 @@ def read_state(folder: Path) -> State | None:
     """Return the state in a folder, None where there is none. Raises InputError for a damaged one."""
     if not (folder / FILE).exists():
         return None
+    if not (folder / FILE).is_file():  # a device or a pipe has no end
+        raise InputError(f"{folder / FILE} is no file; remove it and start the training anew")
     groups: dict[str, dict[str, Tensor]] = {"last": {}, "best": {}, "moments": {}}
     try:
         with safe_open(folder / FILE, framework="pt") as file:
@@ -122,6 +124,8 @@ def read_state(folder: Path) -> State | None:
                 group, _, name = key.partition("/")
                 groups[group][name] = file.get_tensor(key)
             facts = Facts(*(kind(said[name]) for name, kind in Facts.__annotations__.items()))
+            if not (0 <= facts.best_step <= facts.steps and facts.since_best >= 0):
+                raise ValueError(f"its best of {facts.steps} steps is {facts.best_step}")
             return State(facts, {name: _number(settings[name]) for name in DECISIVE}, **groups)
     except (SafetensorError, KeyError, ValueError, TypeError, OSError, OverflowError, RecursionError) as error:
         raise InputError(f"{folder / FILE} is damaged ({error}); remove it and start the training anew") from None

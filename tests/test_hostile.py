@@ -1,17 +1,30 @@
 """Files that would mislead, found by the mutants of benchmarks/hostile.py or thought of: one message each."""
 
 import json
+import os
 import re
+import signal
 
 import h5py
 import numpy as np
 import pytest
+import torch
 
 from sim import InputError, parse_scene, simulation_of
 from suffice.basis_file import read_card, read_gram
+from suffice.checkpoint import checkpoint_path, read_checkpoint
+from suffice.checkpoint_check import check_state
+from suffice.door import write_json
+from suffice.omissions_section import _observables, terms_figure
+from suffice.readers import import_run, vtk_process
+from suffice.readers.openfoam import size_of_case
+from suffice.recording import Recorder
 from suffice.refusal import Refusal
+from suffice.results import read_json
 from suffice.run import Run
-from suffice.study import load_study
+from suffice.study import load_study, read_log
+from surrogates import InputError as UnfitTraining
+from surrogates.training_state import DECISIVE, Facts, State, read_state, write_state
 
 
 @pytest.fixture
@@ -102,3 +115,173 @@ def test_more_cells_than_memory_are_refused_before_they_are_made():
     lines = "\n".join(f"{name} = {json.dumps(value)}" for name, value in fluid.items())
     with pytest.raises(InputError, match=r"fluid\.cells: 1e\+18 of them take 5.5e\+11 GB at least"):
         simulation_of(parse_scene(f"time = {{ duration = 1.0 }}\noutput = {{ interval = 0.1 }}\n[fluid]\n{lines}"))
+
+
+@pytest.fixture
+def begun(suffice, beads, tmp_path, monkeypatch):
+    """A run that was interrupted after five snapshots, and the state beside it."""
+    advance, calls = Recorder.advance, []
+
+    def interrupted(self):
+        calls.append(advance(self))
+        if len(calls) == 5:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    (tmp_path / "scene.toml").write_text(beads)
+    with monkeypatch.context() as patch:
+        patch.setattr(Recorder, "advance", interrupted)
+        stopped = suffice("simulate", tmp_path / "scene.toml", "-o", tmp_path / "run.h5", "--threads", 1)
+    assert stopped.code == 130
+    return checkpoint_path(tmp_path / "run.h5")
+
+
+def test_a_checkpoint_whose_lists_would_lead_a_compiled_loop_astray_is_refused(beads, begun):
+    simulation, state = simulation_of(parse_scene(beads)), read_checkpoint(begun.with_suffix(""))
+    check_state(simulation, state)  # as it was written
+    pairs, near = len(state["listed.partner"]), len(state["near.surface"])
+    wrong = {
+        "listed.partner": [12],
+        "listed.owner": [2**31],
+        "listed.first": [-1],
+        "listed.last": [pairs + 1],
+        "listed.boxes": [1],
+        "near.last": [near + 1],
+        "near.surface": [6],
+        "particles.id": [99],
+        "particles.radius": [1.0],
+        "particles.position": [np.nan],
+        "step": [10**12],
+        "record.seen": [-1],
+    }
+    for name, values in wrong.items():
+        broken = np.array(state[name])
+        broken.reshape(-1)[: len(values)] = values
+        with pytest.raises(ValueError, match=name.replace(".", r"\.")):
+            check_state(simulation, {**state, name: broken})
+    for name in ("listed.touching", "near.touching", "spring", "particles.velocity", "wall_spring"):
+        with pytest.raises(ValueError, match=r"differ in length|is float64 of shape"):
+            check_state(simulation, {**state, name: state[name][:-1]})
+    with pytest.raises(ValueError, match="is float32"):
+        check_state(simulation, {**state, "seen": state["seen"].astype(np.float32)})
+
+
+@pytest.mark.parametrize(
+    ("put", "says"),
+    [
+        (lambda f: f.update({"seen": h5py.ExternalLink("run.h5", "particles/position")}), "is a link"),
+        (lambda f: f.create_dataset("seen", (10**9, 12), float), "declares"),
+        (lambda f: f.update({"seen": np.zeros((11, 12))}), "seen is float64 of shape"),
+    ],
+)
+def test_a_checkpoint_that_leads_elsewhere_or_does_not_fit_is_refused_by_name(suffice, begun, tmp_path, put, says):
+    replace(begun, "seen", put)
+    answer = suffice("simulate", tmp_path / "scene.toml", "-o", tmp_path / "run.h5", "--threads", 1, "--resume")
+    assert answer.code == 2
+    assert "checkpoint" in answer.err
+    assert says in answer.err
+
+
+def test_a_pipe_in_the_place_of_a_file_is_refused_and_not_waited_for(suffice, tmp_path):
+    pipe = tmp_path / "beads_1.vtu"
+    os.mkfifo(pipe)
+    for name in ("results.json", "run.h5.checkpoint", "training.safetensors"):
+        os.mkfifo(tmp_path / name)
+    for format in ("vtk", "hdf5", "npz", "lammps"):
+        answer = suffice("import", pipe, "--format", format, "-o", tmp_path / "made.h5")
+        assert answer.code == 2
+        assert "neither a file nor a folder" in answer.err
+    with pytest.raises(Refusal, match="no file"):
+        read_json(tmp_path / "results.json")
+    with pytest.raises(Refusal, match="is no JSON"):
+        write_json({}, str(tmp_path / "results.json"))
+    with pytest.raises(Refusal, match="no file"):
+        read_checkpoint(tmp_path / "run.h5")
+    with pytest.raises(UnfitTraining, match="no file"):
+        read_state(tmp_path)
+
+
+def test_vtk_that_turns_in_circles_is_ended_and_told_so(tmp_path, monkeypatch):
+    pytest.importorskip("vtkmodules.vtkIOLegacy")
+    monkeypatch.setattr(vtk_process, "SECONDS_OF_VTK", 1)
+    os.mkfifo(tmp_path / "a.vtu")  # VTK waits for whoever writes to it
+    with vtk_process.VtkProcess() as vtk, pytest.raises(Refusal, match="takes far longer than a file of this size"):
+        vtk.read(tmp_path / "a.vtu", "UnstructuredGrid")
+
+
+def test_a_case_of_openfoam_with_a_pipe_in_it_is_refused(tmp_path):
+    (tmp_path / "0.1").mkdir()
+    os.mkfifo(tmp_path / "0.1" / "U")
+    with pytest.raises(Refusal, match=r"0\.1/U is no file"):
+        size_of_case(tmp_path, 0.1)
+
+
+def test_arrays_of_vtkhdf_that_are_groups_or_groups_that_are_arrays_are_refused(tmp_path):
+    for name, put in (
+        ("PointData", lambda f: f.update({"VTKHDF/PointData": np.zeros(3, np.uint8)})),
+        ("Points", lambda f: f.create_group("VTKHDF/Points/x")),
+    ):
+        path = tmp_path / f"{name}.vtkhdf"
+        with h5py.File(path, "w") as file:
+            root = file.create_group("VTKHDF")
+            root.attrs["Type"] = np.bytes_(b"PolyData")
+            file["VTKHDF/NumberOfPoints"] = [3]
+            if name != "PointData":
+                file["VTKHDF/PointData/id"] = np.arange(3)
+            put(file)
+        with pytest.raises(Refusal, match=r"none is the id|no such dataset"):
+            import_run(path, tmp_path / "made.h5", interval=1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "says"),
+    [
+        ("compare.json", "[" * 100000, "cannot be read"),
+        ("compare.json", '{"rows": 7}', "results that cannot be shown"),
+        ("select.json", '{"curves": {}}', "results that cannot be shown"),
+    ],
+)
+def test_results_of_a_study_that_something_else_wrote_are_refused(suffice, write_run, tmp_path, name, text, says):
+    folder = tmp_path / "study"
+    folder.mkdir()
+    write_run(folder / "run.h5")
+    (folder / name).write_text(text)
+    answer = suffice("report", folder)
+    assert answer.code == 2
+    assert says in answer.err
+
+
+@pytest.mark.parametrize("text", ['{"simulate": 3}', "[1]", '{"simulate": {"digest": ""}}'])
+def test_a_log_of_stages_that_no_study_wrote_is_refused_with_the_remedy(tmp_path, text):
+    (tmp_path / "stages.json").write_text(text)
+    with pytest.raises(Refusal, match="is no list of stages as a study writes it; remove it"):
+        read_log(tmp_path / "stages.json")
+
+
+def test_the_state_of_a_training_that_counts_backwards_is_refused(tmp_path):
+    weights = {"a": torch.zeros(1)}
+    settings = dict.fromkeys(DECISIVE, 1.0)
+    for steps, best, since in ((-1, -5, 0), (3, 9, 0), (3, 1, -2)):
+        facts = Facts(steps, best, 0.1, since, 1.0)
+        write_state(tmp_path, State(facts, settings, weights, weights, {}))
+        with pytest.raises(UnfitTraining, match="is damaged"):
+            read_state(tmp_path)
+
+
+@pytest.mark.parametrize("change", [{"parts": {"position.x": 3}}, {"derived": 1.5}, {"limits": []}])
+def test_a_card_of_a_combined_model_that_cannot_be_shown_is_refused(suffice, tmp_path, change):
+    card = {"kind": "combined", "version": 1, "parts": {}, "derived": {}, "limits": {}} | change
+    (tmp_path / "model.json").write_text(json.dumps(card))
+    answer = suffice("info", tmp_path)
+    assert answer.code == 2
+    assert next(iter(change)) in answer.err
+
+
+def test_names_in_what_was_left_out_never_act_as_markup_on_the_page():
+    evil = "<img src=x onerror=alert(1)>"
+    cost = {"seconds": 1.0, "processor_seconds": 1.0, "particle_steps_per_second": 1e6, "seconds_of": {evil: 1.0}}
+    row = cost | {"variant": evil, "left_out": evil, "refused": None, "relative_cost": 1.0, "differences": {}}
+    known = {evil: {"unit": evil, "text": evil, "mean": 1.0, "floor": 0.1}}
+    answer = {"reference": cost, "rows": [row], "observables": known}
+    for text in (_observables(answer), json.dumps(terms_figure(answer))):
+        assert "<img" not in text
+        assert "&lt;img" in text

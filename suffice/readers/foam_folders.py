@@ -27,10 +27,13 @@ class FoamFolders(NamedTuple):
         return self.case / CONTROL
 
     def size_of(self, time: float) -> int:
-        """Return the bytes of the files that hold the mesh and one time."""
+        """Return the bytes of the files that hold the mesh and one time. Raises `Refusal` for a device or a pipe."""
         folders = [holder / "constant" / "polyMesh" for holder in self.holders]
         folders += self._at(time)
-        return sum(file.stat().st_size for folder in folders for file in folder.rglob("*") if file.is_file())
+        files = [file for folder in folders for file in folder.rglob("*") if not file.is_dir()]
+        if odd := next((file for file in files if not file.is_file()), None):
+            raise Refusal(f"{odd} is no file, and may have no end; put a file there, or remove it")
+        return sum(file.stat().st_size for file in files)
 
     def clouds_at(self, time: float) -> set[str]:
         """Return the names of the clouds that have files at a time."""

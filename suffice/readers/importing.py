@@ -80,6 +80,8 @@ def import_run(
     for path in paths:
         if not path.exists():
             raise Refusal(f"source {path} is missing; check its name")
+        if not path.is_file() and not path.is_dir():
+            raise Refusal(f"source {path} is neither a file nor a folder; a device or a pipe has no end: name a file")
     trajectory = READERS[name](paths, parse_map(maps))
     clock = physical_times(trajectory.stamps, interval, timestep)
     notes = (*trajectory.notes, f"times from {clock.origin}")

@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -18,6 +19,7 @@ from suffice.refusal import Refusal
 PROGRAM = Path(__file__).with_name("vtk_program.py")
 MEMORY_OF_VTK = 1 << 30  # bytes of address space; the program takes a third of it before it reads anything
 MEMORY_PER_BYTE = 64  # of a file: compressed text of numbers grows twentyfold
+SECONDS_OF_VTK, BYTES_PER_SECOND = 60, 500_000  # it may take; a slow disk gives a hundred times as many
 REMEDY = "write it again, or copy it again"
 
 
@@ -60,6 +62,7 @@ class VtkProcess:
 
     def _ask(self, path: Path, request: dict[str, Any], size: int) -> tuple[list[Piece], list[float]]:
         request["memory"] = MEMORY_OF_VTK + MEMORY_PER_BYTE * size
+        request["seconds"] = SECONDS_OF_VTK + size // BYTES_PER_SECOND
         ask, reply = self._process.stdin, self._process.stdout
         assert ask is not None
         assert reply is not None
@@ -92,6 +95,8 @@ class VtkProcess:
 
     def _end(self) -> str:
         code = self._process.wait()
+        if code == -signal.SIGALRM:
+            return "it takes far longer than a file of this size may"
         return f"signal {-code}" if code < 0 else f"exit code {code}"
 
     def close(self) -> None:

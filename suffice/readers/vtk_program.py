@@ -9,6 +9,7 @@ import json
 import os
 import re
 import resource
+import signal
 import sys
 from functools import cache
 from importlib import import_module
@@ -227,10 +228,12 @@ def main() -> None:
     for line in sys.stdin.buffer:
         request = json.loads(line)
         limit_memory(request["memory"])
+        signal.alarm(request["seconds"])  # which ends the process: VTK may wait or turn in circles without end
         try:
             head, arrays = answer(request)
         except (BrokenFileError, MemoryError) as error:
             head, arrays = {"broken": str(error) or "it needs more memory than a file of its size may"}, []
+        signal.alarm(0)
         out.write(json.dumps(head).encode() + b"\n")
         for array in arrays:
             out.write(array.data)

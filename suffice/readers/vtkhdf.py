@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -74,7 +75,7 @@ class VtkHdf:
 
     def _facts(self, file: Any, root: Any) -> dict[str, Any]:
         groups = {side.lower(): node_of(file, f"{ROOT}/{side}Data") for side in ("Point", "Cell")}
-        known = {side: [] if group is None else list(group) for side, group in groups.items()}
+        known = {side: list(group) if isinstance(group, h5py.Group) else [] for side, group in groups.items()}
         facts: dict[str, Any] = {"kind": KINDS[self.type], "known": known, "turned": False}
         if self.type == "ImageData":
             for name, attribute in (("extent", "WholeExtent"), ("origin", "Origin"), ("spacing", "Spacing")):
@@ -122,7 +123,8 @@ class VtkHdf:
 
     def _rows(self, file: Any, name: str, start: int, count: int) -> NDArray[Any]:
         node = node_of(file, f"{ROOT}/{name}", beside=True)
-        if node is None or start < 0 or count < 0 or start + count > node.shape[0]:
-            held = "no such dataset" if node is None else f"{node.shape[0]} rows"
+        rows = getattr(node, "shape", None) or ()  # a group has none, a single number no first axis
+        if not rows or start < 0 or count < 0 or start + count > rows[0]:
+            held = f"{rows[0]} rows" if rows else "no such dataset"
             raise Refusal(f"{self.path}: {ROOT}/{name} should hold rows {start} to {start + count}, it has {held}")
         return np.asarray(node[start : start + count])
