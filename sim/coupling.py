@@ -170,6 +170,8 @@ def check_light(fluid: Fluid, p: Particles, void: Array, share: Array, time: flo
     q w, q = (1 − ε)/ε ρ_f/ρ_p. The kernel smooths that by half: beyond q = 2 it grows from step to step, unless drag
     leaves little of it (share s of a step) among few particles.
     """
+    if max(fluid.grid.cells) == 1:
+        return  # one cell has no pressure gradient
     light = lightness(fluid, p)
     answer = light * (1.0 - void) / void * np.where(void < SPARSE, 1.0, share)
     worst = int(np.argmax(answer))

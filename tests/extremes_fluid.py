@@ -219,7 +219,7 @@ CASES = [
     *(Case("settling", f"density ratio {r:g}", lambda r=r: settling(r), 1e-6) for r in (1e-3, 0.5, 1e4)),
     Case("settling", "density ratio 1e-3, Re_p 2e5", lambda: settling(1e-3, 1e-6), 1e-6),
     Case("cloud, two-way", "slip 0, at rest", lambda: at_rest_together(0.0, "two-way"), 0.0),
-    Case("cloud, one-way", "slip 0, both at 1 m/s", lambda: at_rest_together(1.0, "one-way")),
+    Case("cloud, one-way", "slip 0, both at 1 m/s", lambda: at_rest_together(1.0, "one-way"), 1e-10),
     *(Case("cloud, two-way", f"viscosity {mu:g} Pa s", lambda mu=mu: cloud(2.5, mu), 1e-5) for mu in (1e-6, 1, 1e3)),
     Case("cloud, two-way", "density ratio 1e4", lambda: cloud(1e4), 1e-5),
     Case("cloud, two-way", "density ratio 0.5", lambda: cloud(0.5), 1e-5),
