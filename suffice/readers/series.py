@@ -49,6 +49,8 @@ def entries_of(source: Path) -> list[Entry]:
 
     Raises `Refusal` where one is missing, lies outside the folder of the list, or is no file of VTK.
     """
+    if not source.is_file():
+        raise Refusal(f"source {source} is missing or not a file; check its name")
     kind = type_of(source)
     if kind == "Collection":
         return _named(source, _read_pvd(source))
