@@ -90,18 +90,20 @@ def main() -> int:
         base = Child(["info", "in/run.h5"], good).wait().memory
         for name in wanted.only or KINDS:
             codes: collections.Counter[int] = collections.Counter()
-            most, slowest, endless = 0, 0.0, []
+            most, slowest, endless, ended = 0, 0.0, [], 0
             for number in range(wanted.first, wanted.first + wanted.mutants):
                 rng = np.random.default_rng([wanted.seed, list(KINDS).index(name), number])
                 outcome, changed = opened(KINDS[name], good, Path(home) / "a" / "tried", rng)
                 codes[outcome.code] += 1
                 most, slowest = max(most, outcome.memory - base), max(slowest, outcome.seconds)
+                ended += "stops VTK's reader" in outcome.said
                 endless += [number] if outcome.code == INTERRUPTED else []
                 if problem := judged(outcome, base, changed):
                     findings += 1
                     print(f"{name} {number}: {problem}", file=sys.stderr, flush=True)
             told = {"kind": name, "seed": wanted.seed, "mutants": wanted.mutants, "memory_mb": round(most / 1e6)}
             told |= {"codes": dict(sorted(codes.items())), "slowest_s": round(slowest, 1), "interrupted": endless}
+            told |= {"vtk_ended": ended} if ended else {}  # its process died, or was ended after too long
             print(json.dumps(told), flush=True)
     return int(findings > 0)
 

@@ -134,6 +134,8 @@ def load_model(folder: Path) -> Model:
     member = SURROGATES.get(str(card.get("surrogate")))
     if member is None:
         raise Refusal(f"{folder}: surrogate {card.get('surrogate')!r} is not known here; use a newer suffice")
+    if not (folder / ARRAYS).is_file():  # a pipe or a device has no end, and is not left by Ctrl-C
+        raise Refusal(f"{folder / ARRAYS} is missing or no file: the model is damaged; train it again")
     try:
         arrays = load_file(folder / ARRAYS)
         fitted = {name.removeprefix(FITTED): array for name, array in arrays.items() if name.startswith(FITTED)}

@@ -83,6 +83,16 @@ def test_a_card_that_is_a_device_is_no_card(suffice, tmp_path):
     assert "holds no model" in answer.err
 
 
+def test_weights_that_are_a_pipe_are_refused_and_not_waited_for(suffice, write_run, tmp_path):
+    words = ("--variable", "position.x", "--interval", "0.002", "--surrogate", "spline", "-o", tmp_path / "model")
+    assert suffice("train", write_run(tmp_path / "run.h5"), *words).code == 0
+    (tmp_path / "model" / "model.safetensors").unlink()
+    os.mkfifo(tmp_path / "model" / "model.safetensors")
+    answer = suffice("predict", tmp_path / "model", "--times", "0.001", "-o", tmp_path / "made.h5")
+    assert answer.code == 2
+    assert "is missing or no file" in answer.err
+
+
 @pytest.mark.parametrize(
     "text", ["seed = " + "9" * 5000, "seed = " + "[" * 3000 + "]" * 3000], ids=["digits", "nested"]
 )
@@ -198,6 +208,14 @@ def test_a_pipe_in_the_place_of_a_file_is_refused_and_not_waited_for(suffice, tm
         read_checkpoint(tmp_path / "run.h5")
     with pytest.raises(UnfitTraining, match="no file"):
         read_state(tmp_path)
+
+
+def test_a_folder_among_vtk_files_is_refused(suffice, tmp_path):
+    (tmp_path / "beads_1.vtk").write_text("# vtk DataFile Version 3.0\n")
+    (tmp_path / "beads_2.vtk").mkdir()
+    answer = suffice("import", *sorted(tmp_path.glob("*.vtk")), "-o", tmp_path / "made.h5")
+    assert answer.code == 2
+    assert "beads_2.vtk is missing or not a file" in answer.err
 
 
 def test_vtk_that_turns_in_circles_is_ended_and_told_so(tmp_path, monkeypatch):

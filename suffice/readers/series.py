@@ -58,6 +58,8 @@ def entries_of(source: Path) -> list[Entry]:
     Files that a list names at one time are the parts of one snapshot. Raises `Refusal` where a file is missing, lies
     outside the folder of its list, or is no file of VTK.
     """
+    if not source.is_file():
+        raise Refusal(f"source {source} is missing or not a file; check its name")
     kind = type_of(source)
     if kind == "Collection":
         return _named(source, _read_pvd(source))
