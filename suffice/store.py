@@ -27,6 +27,7 @@ from suffice.views import remove_views, write_views
 __all__ = ["Run", "RunWriter", "check_place"]
 
 SECONDS_BETWEEN_VIEWS = 1.0
+ROOM = 1 << 16  # bytes: a run without particles takes a quarter
 DTYPES: dict[str, np.dtype[Any]] = {"single": np.dtype(np.float32), "double": np.dtype(np.float64)}
 
 
@@ -237,9 +238,12 @@ class RunWriter:
 
 def _create(part: Path) -> h5py.File:
     try:
+        with part.open("wb") as file:  # HDF5 can crash when it closes a file that has no room for what it keeps itself
+            os.posix_fallocate(file.fileno(), 0, ROOM)
         # without a lock, ParaView can look into the run while it is written
         return h5py.File(part, "w", locking=False)
     except OSError as error:
+        part.unlink(missing_ok=True)
         raise _unwritable(part.with_suffix(""), error) from None
 
 

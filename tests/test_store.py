@@ -1,3 +1,4 @@
+import errno
 import itertools
 import os
 import signal
@@ -242,6 +243,18 @@ def test_an_output_that_cannot_be_made_is_refused(tmp_path):
     assert (tmp_path / "thesis.txt").read_text() == "mine"
     with pytest.raises(Refusal, match=r"needs .* GB and its disk has .* GB free"):
         writer(tmp_path / "run.h5", n_snapshots=10**13)
+
+
+def test_a_disk_without_room_for_hdf5_itself_is_refused_before_it_begins(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    before = write(tmp_path / "run.h5").read_bytes()
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    with pytest.raises(Refusal, match="No space left on device"):
+        writer(tmp_path / "run.h5")
+    assert (tmp_path / "run.h5").read_bytes() == before
+    assert not (tmp_path / "run.h5.part").exists()
 
 
 WRITES = ((h5py.Dataset, "__setitem__"), (h5py.Group, "__setitem__"), (h5py.File, "flush"), (h5py.File, "close"),
