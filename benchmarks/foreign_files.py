@@ -12,10 +12,9 @@ import numpy as np
 REFERENCE = Path(__file__).parents[1] / "tests" / "reference"  # files that the programs themselves wrote
 
 
-def unpacked(name: str, inside: Path, chosen: Callable[[str], str]) -> None:
-    """Unpack those files of a program for which `chosen` gives a place in a folder, not an empty text."""
-    (archive,) = (REFERENCE / name).glob("*.tar.xz")
-    with tarfile.open(archive) as tar:
+def unpacked(archive: str, inside: Path, chosen: Callable[[str], str]) -> None:
+    """Unpack those files of an archive for which `chosen` gives a place in a folder, not an empty text."""
+    with tarfile.open(REFERENCE / f"{archive}.tar.xz") as tar:
         for member in tar.getmembers():
             if member.isfile() and (place := chosen(member.name)):
                 (inside / place).parent.mkdir(parents=True, exist_ok=True)
@@ -26,13 +25,13 @@ def foreign_files(folder: Path, made: Callable[..., None]) -> None:
     """Put two snapshots of each program into a folder, and what VTK and numpy make of such; `made` runs a command."""
     inside = folder / "in"
     vtk = {"shaken_300.vtk": "vtk/a300.vtk", "shaken_600.vtk": "vtk/a600.vtk", "shaken.dump": "liggghts/shaken.dump"}
-    unpacked("liggghts", inside, lambda name: vtk.get(Path(name).name, ""))
+    unpacked("liggghts/shaken", inside, lambda name: vtk.get(Path(name).name, ""))
     dump = inside / "liggghts" / "shaken.dump"
     dump.write_bytes(b"ITEM: TIMESTEP".join(dump.read_bytes().split(b"ITEM: TIMESTEP")[:4]))
     vtu = {"shaken-spheres.9600.vtu": "vtu/a1.vtu", "shaken-spheres.10500.vtu": "vtu/a2.vtu"}
-    unpacked("yade", inside, lambda name: vtu.get(Path(name).name, ""))
+    unpacked("yade/shaken", inside, lambda name: vtu.get(Path(name).name, ""))
     kept = ("0.005", "0.01", "constant", "system")
-    unpacked("openfoam", inside, lambda name: f"foam/{name[4:]}" if name.split("/")[1] in kept else "")
+    unpacked("openfoam/box", inside, lambda name: f"foam/{name[4:]}" if name.split("/")[1] in kept else "")
     made(["--version"], folder, lambda: written_by_vtk(inside))  # in a child: VTK's threads would not survive a fork
     made(["export", "in/run.h5", "--format", "vtu", "-o", "in/pvd"], folder)
     (inside / "vtkhdf").mkdir()

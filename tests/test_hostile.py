@@ -17,7 +17,7 @@ from suffice.checkpoint_check import check_state
 from suffice.door import write_json
 from suffice.omissions_section import _observables, terms_figure
 from suffice.readers import import_run, vtk_process
-from suffice.readers.openfoam import size_of_case
+from suffice.readers.foam_folders import FoamFolders
 from suffice.recording import Recorder
 from suffice.refusal import Refusal
 from suffice.results import read_json
@@ -202,7 +202,7 @@ def test_a_pipe_in_the_place_of_a_file_is_refused_and_not_waited_for(suffice, tm
         assert "neither a file nor a folder" in answer.err
     with pytest.raises(Refusal, match="no file"):
         read_json(tmp_path / "results.json")
-    with pytest.raises(Refusal, match="is no JSON"):
+    with pytest.raises(Refusal, match="cannot be written"):
         write_json({}, str(tmp_path / "results.json"))
     with pytest.raises(Refusal, match="no file"):
         read_checkpoint(tmp_path / "run.h5")
@@ -230,7 +230,7 @@ def test_a_case_of_openfoam_with_a_pipe_in_it_is_refused(tmp_path):
     (tmp_path / "0.1").mkdir()
     os.mkfifo(tmp_path / "0.1" / "U")
     with pytest.raises(Refusal, match=r"0\.1/U is no file"):
-        size_of_case(tmp_path, 0.1)
+        FoamFolders(tmp_path, [tmp_path]).size_of(0.1)
 
 
 def test_arrays_of_vtkhdf_that_are_groups_or_groups_that_are_arrays_are_refused(tmp_path):
