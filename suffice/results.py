@@ -43,7 +43,9 @@ def read_json(path: Path) -> Any:
     if path.exists() and not path.is_file():
         raise Refusal(f"{path} is no file; remove it and run the study again")
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        found = json.loads(path.read_text(encoding="utf-8"))
+        json.dumps(found, ensure_ascii=False).encode()  # half a character could not be shown
+        return found
     except FileNotFoundError:
         return None
     except (OSError, ValueError, RecursionError) as error:

@@ -210,6 +210,12 @@ def test_a_pipe_in_the_place_of_a_file_is_refused_and_not_waited_for(suffice, tm
         read_state(tmp_path)
 
 
+def test_half_a_character_in_stored_results_is_refused_before_it_is_shown(tmp_path):
+    (tmp_path / "stages.json").write_text('{"simulate": {"detail": "\\ud800"}}')
+    with pytest.raises(Refusal, match="surrogates not allowed"):
+        read_json(tmp_path / "stages.json")
+
+
 def test_a_folder_among_vtk_files_is_refused(suffice, tmp_path):
     (tmp_path / "beads_1.vtk").write_text("# vtk DataFile Version 3.0\n")
     (tmp_path / "beads_2.vtk").mkdir()
