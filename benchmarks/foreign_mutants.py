@@ -146,7 +146,7 @@ def _repacked(rng: Rng, path: Path) -> None:
         members = {name: archive.read(name) for name in archive.namelist()}
     name, what = one_of(rng, list(members)), rng.integers(8)
     if what == 0:
-        members[one_of(rng, ("../outside.npy", "/outside.npy", "x.txt", "", "é.npy"))] = members.pop(name)
+        members[one_of(rng, ("../outside.npy", "/outside.npy", "x.txt", ".npy", "é.npy"))] = members.pop(name)
     elif what == 1:
         members[name] = _pickled(rng)
     elif what == 2:

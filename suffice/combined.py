@@ -16,6 +16,7 @@ TOLD = (  # of each part
     "interval", "n_snapshots", "n_modes", "n_lr", "n_c", "unit", "rmse", "rmse_diameters", "projection_rmse",
     "storage_bytes", "window",
 )  # fmt: skip
+WORDS = {"unit", "of"}
 VARIABLES = (*QUANTITIES, *component_names(QUANTITIES))
 
 
@@ -43,8 +44,20 @@ def read_told_card(folder: Path) -> dict[str, Any] | None:
 
 
 def tells(card: Any, names: Collection[str]) -> bool:
-    """Tell whether a card, or a part of one, has all these names, and a plain word as its unit."""
-    return isinstance(card, dict) and set(names) <= set(card) and isinstance(card.get("unit"), str)
+    """Tell whether a card, or a part of one, has all these names: words, a window of two numbers, else numbers."""
+    if not isinstance(card, dict) or not set(names) <= set(card):
+        return False
+    window = card["window"] if "window" in names else [0.0, 0.0]
+    return (
+        all(isinstance(card[name], str) for name in WORDS & set(names))
+        and all(_is_number(card[name], or_none=name != "storage_bytes") for name in set(names) - WORDS - {"window"})
+        and isinstance(window, list)
+        and [_is_number(time) for time in window] == [True, True]
+    )
+
+
+def _is_number(value: Any, *, or_none: bool = False) -> bool:
+    return (isinstance(value, int | float) and not isinstance(value, bool)) or (or_none and value is None)
 
 
 def load_models(folder: Path) -> list[Model]:

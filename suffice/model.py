@@ -118,7 +118,8 @@ def read_card(path: Path) -> dict[str, Any] | None:
     """Return an object of JSON, None where the file holds none, or is none: a device has no end."""
     try:
         card: Any = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
-        json.dumps(card, ensure_ascii=False).encode()  # half a character could not be shown
+        # half a character could not be shown, and a number that is none not be written again
+        json.dumps(card, ensure_ascii=False, allow_nan=False).encode()
     except (OSError, ValueError, RecursionError):
         return None
     return card if isinstance(card, dict) else None

@@ -205,13 +205,13 @@ def test_an_interrupted_training_goes_on_with_the_parts_that_are_left(two_speeds
     folder, request, count = tmp_path / "model", Request("spline", finest=True), []
     from suffice import combining
 
-    whole = combining.train_model
+    trained = combining.train_model
 
     def stopping(source, place, wish, reporter):
         count.append(place.name)
         if len(count) == 2:
             raise KeyboardInterrupt
-        return whole(source, place, wish, reporter)
+        return trained(source, place, wish, reporter)
 
     monkeypatch.setattr(combining, "train_model", stopping)
     with pytest.raises(InterruptedRunError, match=r"finished parts stand in .* --resume goes on"):
@@ -224,6 +224,12 @@ def test_an_interrupted_training_goes_on_with_the_parts_that_are_left(two_speeds
         train(two_speeds, folder, request._replace(seed=5, resume=True), QUIET)
     with pytest.raises(Refusal, match=r"--resume: surrogate is linear, .* was begun with spline"):
         train(two_speeds, folder, request._replace(surrogate="linear", resume=True), QUIET)
+    whole = (folder / "position.x" / CARD).read_text()
+    for harm in ({"window": ["0", 1.0]}, {"window": [0.0]}, {"storage_bytes": None}, {"unit": 5}):
+        change(folder / "position.x", **harm)
+        with pytest.raises(Refusal, match=r"position\.x is damaged; remove that folder"):
+            train(two_speeds, folder, request._replace(resume=True), QUIET)
+        (folder / "position.x" / CARD).write_text(whole)
     card = train(two_speeds, folder, request._replace(resume=True), QUIET)
     assert count == ["position.x", "position.y", "position.y", "position.z"]
     assert (folder / "position.x" / ARRAYS).stat().st_mtime_ns == first

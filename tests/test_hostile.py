@@ -15,6 +15,7 @@ from suffice.basis_file import read_card, read_gram
 from suffice.checkpoint import checkpoint_path, read_checkpoint
 from suffice.checkpoint_check import check_state
 from suffice.door import write_json
+from suffice.model import read_card as read_model
 from suffice.omissions_section import _observables, terms_figure
 from suffice.readers import import_run, vtk_process
 from suffice.readers.foam_folders import FoamFolders
@@ -298,6 +299,14 @@ def test_a_card_of_a_combined_model_that_cannot_be_shown_is_refused(suffice, tmp
     answer = suffice("info", tmp_path)
     assert answer.code == 2
     assert next(iter(change)) in answer.err
+
+
+@pytest.mark.parametrize("number", ["NaN", "-Infinity", "1e999"])
+def test_a_card_with_what_is_no_number_is_no_card(tmp_path, number):
+    (tmp_path / "model.json").write_text('{"kind": "model", "rmse": 1.0}')
+    assert read_model(tmp_path / "model.json") == {"kind": "model", "rmse": 1.0}
+    (tmp_path / "model.json").write_text('{"kind": "model", "rmse": ' + number + "}")
+    assert read_model(tmp_path / "model.json") is None
 
 
 def test_names_in_what_was_left_out_never_act_as_markup_on_the_page():
