@@ -1,7 +1,7 @@
 """Inner products of the snapshots: all that a choice of Δτ needs to know about the rows."""
 
 from collections.abc import Iterable, Iterator
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,6 @@ EPSILON = float(np.finfo(np.float64).eps)
 SQUARES_FIT = (1e-290, 1e290)  # sums of squares outside have lost digits, or overflow soon
 
 
-@runtime_checkable
 class Snapshots(Protocol):
     """A snapshot matrix W (rows, N_t) known by its products; it may stream from disk or live on other machines.
 
@@ -107,8 +106,8 @@ class InnerProducts(NamedTuple):
 
 def as_snapshots(W: Any) -> Snapshots:
     """W itself where it knows its products, else the array (rows, N_t) wrapped. Raises InputError for neither."""
-    if isinstance(W, Snapshots):
-        return W
+    if all(hasattr(W, name) for name in ("shape", "gram", "row_blocks")):
+        return cast(Snapshots, W)
     try:
         return ArraySnapshots(W)
     except (TypeError, ValueError) as error:

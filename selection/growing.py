@@ -31,6 +31,7 @@ class GrowingSnapshots:
         self._borders = np.searchsorted(group[self._order], np.arange(groups + 1))
         self._columns = np.zeros((most, rows), dtype)
         self._parts = np.zeros((groups, most, most))
+        self._sum = np.zeros((most, most))  # of the parts
         self._n = self._known = 0
 
     @staticmethod
@@ -62,11 +63,12 @@ class GrowingSnapshots:
         return some
 
     def gram(self) -> Array:
-        """Return (W - w₀)ᵀ(W - w₀), (n, n)."""
-        return np.asarray(self.gram_groups(self.groups).sum(axis=0))
+        """Return (W - w₀)ᵀ(W - w₀), (n, n): a view, of which nothing changes later."""
+        self._grow()
+        return self._sum[: self._n, : self._n]
 
     def gram_groups(self, groups: int) -> Array:
-        """Return the same split over the groups of particles, (groups, n, n): a view, good until the next snapshot."""
+        """Return the same split over the groups of particles, (groups, n, n): a view likewise."""
         if groups != self.groups:
             raise InputError(f"groups: {groups}; these snapshots were dealt to {self.groups}")
         self._grow()
@@ -90,6 +92,8 @@ class GrowingSnapshots:
                 new += motion[m:] @ motion.T
             new[:, m:] = 0.5 * (new[:, m:] + new[:, m:].T)
             part[m:n, :n], part[:n, m:n] = new, new.T
+        self._sum[m:n, :n] = self._parts[:, m:n, :n].sum(axis=0)
+        self._sum[:n, m:n] = self._sum[m:n, :n].T
         self._known = n
 
     def _tiles(self, first: int, last: int) -> Iterator[tuple[int, int]]:

@@ -1,7 +1,6 @@
 """When a verdict on a growing run has settled: at which snapshots it is asked, and for how long it must have held."""
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache
 from math import ceil
 
 from selection.feasibility import FEWEST_SNAPSHOTS
@@ -38,8 +37,12 @@ class Settling:
     """
 
     def __init__(self, counts: Sequence[int], sufficient: Callable[[int, int], bool], held: float = HELD) -> None:
-        self.counts, self.held, self._sufficient = counts, held, cache(sufficient)
-        self._failed: set[tuple[int, int]] = set()  # stride, and a check at which it is known to have failed
+        self.counts, self.held, self._ask = counts, held, sufficient
+        self._known: dict[tuple[int, int], bool] = {}  # stride and check: whether it was sufficient
+
+    def learn(self, stride: int, n: int, sufficient: bool) -> None:
+        """Take the verdict of a check that is known already."""
+        self._known[stride, n] = sufficient
 
     def any_settled(self, n: int) -> bool:
         """Tell whether any Δτ has settled by a check."""
@@ -49,18 +52,19 @@ class Settling:
         """Yield every Δτ that has settled by a check, in dense intervals, coarse to fine."""
         return (stride for stride in range(COARSEST_STRIDE, FINEST_STRIDE - 1, -1) if self.settled(stride, n))
 
-    def settled(self, stride: int, n: int) -> bool:
-        """Tell whether a Δτ has settled by a check."""
+    def settled(self, stride: int, n: int, *, at_last: bool = False) -> bool:
+        """Tell whether a Δτ has settled by a check; at_last: it will not be asked for again.
+
+        The oldest check fails most often, so that is asked first then. Before, the newest that failed is looked for,
+        because it rests the question longest.
+        """
         first = max((c for c in self.counts if self.held * c <= n), default=None)
         if first is None or _too_few(stride, first):
             return False
         asked = [c for c in self._back_from(n) if c >= first]
-        if any((stride, c) in self._failed for c in asked):
+        if not all(self._known.get((stride, c), True) for c in asked):
             return False
-        failed = next((c for c in asked if not self._sufficient(stride, c)), None)
-        if failed is not None:
-            self._failed.add((stride, failed))
-        return failed is None
+        return all(self._sufficient(stride, c) for c in (reversed(asked) if at_last else asked))
 
     def since(self, stride: int, n: int) -> int | None:
         """Return the first check of the unbroken series in which a Δτ is sufficient up to n; None if it is not at n."""
@@ -70,6 +74,11 @@ class Settling:
                 break
             first = c
         return first
+
+    def _sufficient(self, stride: int, n: int) -> bool:
+        if (stride, n) not in self._known:
+            self._known[stride, n] = self._ask(stride, n)
+        return self._known[stride, n]
 
     def _back_from(self, n: int) -> list[int]:
         return [c for c in reversed(self.counts) if c <= n]

@@ -13,12 +13,13 @@ from selection.errors import InputError
 from selection.feasibility import Thresholds
 from selection.gram import InnerProducts, as_snapshots, inner_products, square_root
 from selection.intervals import candidates, dense_interval
-from selection.routes import routes
+from selection.routes import Routes, routes
 from selection.shown import chosen_text, table_of
 from selection.table import Table
 from selection.threads import once, shared
 
 MANY = 500  # snapshots, above which the intervals share the cores
+WORTH_FACTOR = 3  # a Δτ of up to so many dense intervals
 
 Array = NDArray[np.float64]
 
@@ -111,7 +112,10 @@ def is_sufficient(W: Any, times: ArrayLike, interval: float, thresholds: Thresho
     products = inner_products(snapshots, None)
     _check(products, np.size(np.asarray(times)))
     factor = partial(square_root, snapshots, products.gram)
-    return suffices(subset, routes(products), factor, thresholds or Thresholds())
+    # a factor of all snapshots, if they have one, pays for a single Δτ only where that keeps many of them
+    many = WORTH_FACTOR * len(subset.training) >= len(products.gram)
+    known = routes(products) if many else Routes(products, None, None)
+    return suffices(subset, known, factor, thresholds or Thresholds())
 
 
 def judge(

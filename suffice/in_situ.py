@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from selection import Sweep, dense_interval, is_sufficient, sweep
+from selection.candidate import Candidate
 from selection.growing import GrowingSnapshots
+from selection.intervals import default_intervals
 from selection.settled import Settling, checks
 from selection.threads import alone, cores
 from suffice.quantities import AXES, QUANTITIES, Grid, component_names
@@ -77,6 +79,8 @@ class InSitu:
             name: GrowingSnapshots(r.rows, most, r.rows_per_particle, dtype, GROUPS) for name, r in variables.items()
         }
         self.settling = {name: Settling(self.checks, partial(self._sufficient, name)) for name in variables}
+        self.limits = {name: thresholds_of(name) for name in variables}
+        self.held: dict[tuple[str, int], Candidate] = {}  # by variable and snapshots: judged last with its interval
         self.table: dict[str, Sweep] = {}  # complete, of the end of the run
         self.suffices = False
         self.seconds = 0.0  # that watching took while the simulation went on
@@ -97,32 +101,52 @@ class InSitu:
 
     def _check(self) -> None:
         n = len(self.times)
-        if n < self.most and all(settling.any_settled(n) for settling in self.settling.values()):
-            self.suffices = all(map(self._holds, self.variables))
+        if n == self.most:
+            return
+        with alone():
+            if all(settling.any_settled(n) for settling in self.settling.values()):
+                self.suffices = all(map(self._holds, self.variables))
 
     def _holds(self, variable: str) -> bool:
         """Tell whether any Δτ that has settled is sufficient with the interval of K_f as well."""
-        dense = dense_interval(self.times)
-        settled = (stride * dense for stride in self.settling[variable].all_settled(len(self.times)))
-        return any(self._sweep(variable, [interval]).candidates[0].verdict == "sufficient" for interval in settled)
+        n = len(self.times)
+        for stride in self.settling[variable].all_settled(n):
+            (found,) = self._sweep(variable, [self._interval(stride)]).candidates
+            self.held[variable, n] = found
+            if found.verdict == "sufficient":
+                return True
+        return False
 
-    def _sweep(self, variable: str, intervals: Sequence[float] | None) -> Sweep:
-        with alone():
-            return sweep(self.snapshots[variable], self.times, intervals, thresholds_of(variable), GROUPS)
+    def _interval(self, stride: int) -> float:
+        """Return Δτ (s) of so many dense intervals, as `select` writes it."""
+        return float(f"{stride * dense_interval(self.times):.12g}")
+
+    def _sweep(self, variable: str, intervals: Sequence[float]) -> Sweep:
+        return sweep(self.snapshots[variable], self.times, intervals, self.limits[variable], GROUPS)
 
     def _sufficient(self, variable: str, stride: int, n: int) -> bool:
         """Tell whether Δτ, in dense intervals, is sufficient in the first n snapshots but for the interval of K_f."""
-        times = self.times[:n]
-        with alone():
-            snapshots = self.snapshots[variable].first(n)
-            return is_sufficient(snapshots, times, stride * dense_interval(times), thresholds_of(variable))
+        times, snapshots = self.times[:n], self.snapshots[variable].first(n)
+        return is_sufficient(snapshots, times, stride * dense_interval(times), self.limits[variable])
 
-    def settled_interval(self, variable: str) -> float | None:
+    def _whole_table(self, variable: str) -> Sweep:
+        """Judge every Δτ of the default scan; not again the one that was judged last and let the run end."""
+        n, settling = len(self.times), self.settling[variable]
+        known = [self.held[variable, n]] if (variable, n) in self.held else []
+        wanted = set(default_intervals(self.times)).difference(found.interval for found in known)
+        rest = self._sweep(variable, sorted(wanted))
+        table = sorted([*known, *rest.candidates], key=lambda c: -c.interval)
+        whole = rest._replace(candidates=table, chosen_interval=next((c.interval for c in table if c.sufficient), None))
+        for stride in sufficient_strides(whole):
+            settling.learn(stride, n, sufficient=True)
+        return whole
+
+    def _settled_interval(self, variable: str) -> float | None:
         """Return the largest Δτ (s) that has settled and is sufficient at the end, None where there is none."""
-        found, settling = self.table[variable], self.settling[variable]
-        coarse_to_fine = (s for s in sufficient_strides(found) if settling.settled(s, len(self.times)))
-        stride = next(coarse_to_fine, None)
-        return None if stride is None else float(f"{stride * found.dense_interval:.12g}")
+        settling, n = self.settling[variable], len(self.times)
+        strides = sufficient_strides(self.table[variable])
+        stride = next((s for s in strides if settling.settled(s, n, at_last=True)), None)
+        return None if stride is None else self._interval(stride)
 
     def restore_(self, times: Iterable[float], history: Iterable[Mapping[str, NDArray[Any]]]) -> None:
         """Take the snapshots before an interruption again: at each time (s) the columns (rows,) by variable.
@@ -135,23 +159,26 @@ class InSitu:
     def verdict(self) -> dict[str, Any]:
         """Judge what there is at the end of the run and return it in plain types, as `select --json` has it."""
         began = perf_counter()
-        self.table = {name: self._sweep(name, None) for name in self.variables}
-        self.suffices = all(self.settled_interval(name) is not None for name in self.variables)
-        dense = next(iter(self.table.values())).dense_interval
-        intervals = {name: self.settled_interval(name) for name in self.table}
-        found = {
+        with alone():
+            found = self._verdict()
+        self.seconds_after = perf_counter() - began
+        return found
+
+    def _verdict(self) -> dict[str, Any]:
+        self.table = {name: self._whole_table(name) for name in self.variables}
+        intervals = {name: self._settled_interval(name) for name in self.table}
+        self.suffices = None not in intervals.values()
+        return {
             "sufficient": self.suffices,
             "sentences": [self._end(), *(self._sentence(name, intervals[name]) for name in self.table)],
             "n_snapshots": len(self.times),
             "time": self.times[-1],
-            "dense_interval": dense,
+            "dense_interval": dense_interval(self.times),
             "checks": [n for n in self.checks if n <= len(self.times)],
             "variables": {
                 name: {**swept.as_dict(), "settled_interval": intervals[name]} for name, swept in self.table.items()
             },
         }
-        self.seconds_after = perf_counter() - began
-        return found
 
     def _end(self) -> str:
         """Say when the run ended and why."""
