@@ -17,6 +17,7 @@ PAIRS = ("listed.owner", "listed.partner", "listed.touching", "listed.target", "
 BOXES = ("listed.receiver",)
 WALLS = ("near.surface", "near.touching", "wall_spring")
 LISTS = (*PAIRS, *BOXES, *WALLS)
+LARGEST = 1e100  # of any number in SI units: squares and their sums stay finite
 KEPT = ("particles.radius", "particles.inverse_mass", "particles.species")  # of each particle, by its id
 
 
@@ -31,8 +32,8 @@ def check_state(simulation: AnyRun, state: State) -> None:
         held, free = state[name], int(name in LISTS)
         if held.dtype != own.dtype or held.ndim != own.ndim or held.shape[free:] != own.shape[free:]:
             raise ValueError(f"{name} is {held.dtype} of shape {held.shape}, not {own.dtype} of {own.shape}")
-        if held.dtype.kind == "f" and not np.isfinite(held).all():
-            raise ValueError(f"{name} holds a value that is not finite")
+        if held.dtype.kind == "f" and not (np.abs(held) <= LARGEST).all():
+            raise ValueError(f"{name} holds a value that is not finite, or beyond {LARGEST:g}")
     last = (simulation.snapshots - 1) * simulation.steps_per_snapshot
     _check_within("step", state["step"], 0, last + 1)
     if "record.seen" in state:

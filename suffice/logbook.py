@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 from numba.core import event
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
 from sim import AnyRun, Simulation
 from sim.fluid_side import FluidSide
 from sim.guards import Nearest
 from sim.state import Snapshot
-from suffice.summary import Clamp, Energy, Guard, Lists, Outcome, Pace, Summary, Warnings
+from suffice.checkpoint_check import LARGEST
+from suffice.summary import Clamp, Count, Energy, Guard, Lists, Outcome, Pace, Summary, Warnings
 from suffice.summary_text import UNITS, clamp_text, energy_text, guard_name, guard_text
 from suffice.warned import Counted, Warned
 from suffice.wording import finite
@@ -25,6 +27,7 @@ WARNINGS = "logbook.warnings"  # JSON as plain text, in the state
 LOOKS = 2  # at every void fraction in a step of the fluid: where particles are, and where they will be
 NEAR = 0.9  # of a limit, that a run should not come to
 MOST_MISSED = 0.01  # of the energy put in; the built-in scenes miss less than a thousandth
+HEARD = TypeAdapter(dict[str, tuple[Count, str]])  # warnings in the state: kind, how many, words of the first
 FIGURES = ("seconds", "compiling", "put_in", "start", "moving", "potential", "residual", "largest", "largest_at")
 
 
@@ -80,10 +83,13 @@ class Logbook:
         return figures | {WARNINGS: np.asarray(np.bytes_(text.encode()))}
 
     def restore_(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from what `state` returned. Raises KeyError where that is of another kind."""
+        """Go on from what `state` returned. Raises KeyError or ValueError where that is of another kind, or damaged."""
         for name in FIGURES:
-            setattr(self, name, float(state[f"logbook.{name}"]))
-        for kind, (count, first) in json.loads(bytes(state[WARNINGS].item())).items():
+            value = float(state[f"logbook.{name}"])
+            if not (abs(value) <= LARGEST or (np.isnan(value) and np.isnan(getattr(Logbook(), name)))):
+                raise ValueError(f"logbook.{name} is {value:g}")
+            setattr(self, name, value)
+        for kind, (count, first) in HEARD.validate_json(bytes(state[WARNINGS].item()), strict=True).items():
             self.warned.add(kind, first, count)
 
     def all(self, warned: Mapping[str, Counted]) -> Warned:

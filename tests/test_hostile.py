@@ -15,6 +15,7 @@ from suffice.basis_file import read_card, read_gram
 from suffice.checkpoint import checkpoint_path, read_checkpoint
 from suffice.checkpoint_check import check_state
 from suffice.door import write_json
+from suffice.logbook import Logbook
 from suffice.model import read_card as read_model
 from suffice.omissions_section import _observables, terms_figure
 from suffice.readers import import_run, vtk_process
@@ -161,6 +162,7 @@ def test_a_checkpoint_whose_lists_would_lead_a_compiled_loop_astray_is_refused(b
         "particles.id": [99],
         "particles.radius": [1.0],
         "particles.position": [np.nan],
+        "particles.velocity": [1e200],  # its square would be infinite
         "step": [10**12],
         "record.seen": [-1],
     }
@@ -174,6 +176,19 @@ def test_a_checkpoint_whose_lists_would_lead_a_compiled_loop_astray_is_refused(b
             check_state(simulation, {**state, name: state[name][:-1]})
     with pytest.raises(ValueError, match="is float32"):
         check_state(simulation, {**state, "seen": state["seen"].astype(np.float32)})
+
+
+def test_a_logbook_that_could_not_be_told_is_refused(begun):
+    state = read_checkpoint(begun.with_suffix(""))
+    Logbook().restore_(state)  # as it was written
+    wrong = {"seconds": [np.nan, np.inf, 1e300], "put_in": [np.inf], "start": [-1e200], "largest": [np.nan]}
+    for name, values in wrong.items():
+        for value in values:
+            with pytest.raises(ValueError, match=f"logbook.{name} is "):
+                Logbook().restore_({**state, f"logbook.{name}": np.asarray(value)})
+    for text in (b"[" * 100_000, b'{"a": [-1, "b"]}', b'{"a": [1, 2]}', b'{"a": ["1", "b"]}', b'{"a": 1}'):
+        with pytest.raises(ValueError, match="validation error"):
+            Logbook().restore_({**state, "logbook.warnings": np.asarray(np.bytes_(text))})
 
 
 @pytest.mark.parametrize(
