@@ -164,6 +164,7 @@ def info(
 
 @app.command()
 def decompose(
+    context: typer.Context,
     run_file: RunFile,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="BASIS")],
     variable: Annotated[str, typer.Option(help="such as position.x or velocity")],
@@ -185,7 +186,7 @@ def decompose(
 
     wanted = Wanted(variable, interval, energy, modes, tolerance, error, route, append, velocities, plot)
     with shared_rows() as ranks:
-        answer = decompose_run(run_file, output, wanted, ranks)
+        answer = decompose_run(run_file, output, wanted, ranks, context.obj)
     if ranks.rank == 0 and tell(answer, json):
         show_facts(str(output), answer)
 

@@ -8,14 +8,26 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pod import ALONE, Basis, Ranks, SnapshotMatrix, enriched_pod, grown_gram, lanczos_convergence, lanczos_pod
+from pod import (
+    ALONE,
+    Basis,
+    Ranks,
+    RowSource,
+    SnapshotMatrix,
+    enriched_pod,
+    grown_gram,
+    lanczos_convergence,
+    lanczos_pod,
+)
 from selection import InputError as UnfitIntervals
 from selection import dense_interval
 from selection.intervals import stride
 from suffice.basis_file import card_of, check_place, read_card, read_gram, write_basis
 from suffice.lock import only_writer
+from suffice.progress import Advance, Reporter
 from suffice.refusal import Refusal
 from suffice.report import write_report
+from suffice.rows import Counted, Variable
 from suffice.run import Run
 from suffice.uneven import unfit
 
@@ -35,20 +47,26 @@ class Wanted(NamedTuple):
     plot: Path | None = None  # page that shows how the Lanczos ratio converged
 
 
-def decompose_run(source: Path, output: Path, wanted: Wanted, ranks: Ranks = ALONE) -> dict[str, Any]:
+def decompose_run(
+    source: Path, output: Path, wanted: Wanted, ranks: Ranks = ALONE, reporter: Reporter | None = None
+) -> dict[str, Any]:
     """Find the modes of one variable of a run, write them, and return what is known about them in plain types.
 
-    Of several ranks each reads its own rows, and the first one writes. Raises Refusal or pod.InputError for what cannot
-    be used, and pod.LostRankError.
+    Of several ranks each reads its own rows, and the first one writes, and shows how many of its own it has read.
+    Raises Refusal or pod.InputError for what cannot be used, and pod.LostRankError.
     """
     check_place(output)
     with Run(source) as run, only_writer(output) if ranks.rank == 0 else nullcontext():
-        return _decompose(run, output, wanted, ranks)
+        if reporter is None or ranks.rank > 0:
+            return _decompose(run, output, wanted, ranks)
+        with reporter.stage("decompose", "rows") as advance:
+            return _decompose(run, output, wanted, ranks, advance)
 
 
-def _decompose(run: Run, output: Path, wanted: Wanted, ranks: Ranks) -> dict[str, Any]:
+def _decompose(run: Run, output: Path, wanted: Wanted, ranks: Ranks, advance: Advance | None = None) -> dict[str, Any]:
     """Find and write the modes of an open run into a file that nobody else writes."""
     rows = run.variable(wanted.variable)
+    source = rows if advance is None else Counted(rows, _share(rows, ranks), advance)
     began = time.monotonic()
     used = _snapshots(run, wanted.interval)
     card: dict[str, Any] = {
@@ -62,10 +80,10 @@ def _decompose(run: Run, output: Path, wanted: Wanted, ranks: Ranks) -> dict[str
     }
     gram = None
     if wanted.velocities:
-        basis, more = _enriched(run, wanted, used, ranks)
+        basis, more = _enriched(run, source, wanted, used, ranks)
         card |= more
     else:
-        matrix = SnapshotMatrix(rows, ranks=ranks).columns(used)
+        matrix = SnapshotMatrix(source, ranks=ranks).columns(used)
         if wanted.append:
             gram, card["snapshots_known"] = _grown(matrix, output, card)
         basis = lanczos_pod(
@@ -110,7 +128,14 @@ def _grown(matrix: SnapshotMatrix, output: Path, card: dict[str, Any]) -> tuple[
     return grown_gram(matrix, known), len(known)
 
 
-def _enriched(run: Run, wanted: Wanted, used: NDArray[np.intp], ranks: Ranks) -> tuple[Basis, dict[str, Any]]:
+def _share(rows: Variable, ranks: Ranks) -> int:
+    own = ranks.share(rows.shape[0], rows.rows_per_particle)
+    return len(range(own.start, own.stop))
+
+
+def _enriched(
+    run: Run, positions: RowSource, wanted: Wanted, used: NDArray[np.intp], ranks: Ranks
+) -> tuple[Basis, dict[str, Any]]:
     """Basis of positions and velocities, and what its weight was chosen from."""
     name = wanted.variable.replace("position", "velocity")
     if name == wanted.variable or wanted.interval is None or wanted.append:
@@ -121,7 +146,6 @@ def _enriched(run: Run, wanted: Wanted, used: NDArray[np.intp], ranks: Ranks) ->
     if any(x is not None for x in (wanted.energy, wanted.tolerance, wanted.error, wanted.route)):
         raise Refusal("--velocities: the number of modes is given by --modes alone, default one per snapshot")
     interval = float(run.times[used[1]] - run.times[used[0]])
-    sources = run.variable(wanted.variable), run.variable(name)
-    found = enriched_pod(*sources, used.tolist(), interval, modes=wanted.modes, ranks=ranks)
+    found = enriched_pod(positions, run.variable(name), used.tolist(), interval, modes=wanted.modes, ranks=ranks)
     errors = {f"{weight:g}": float(error) for weight, error in zip(found.weights, found.errors, strict=True)}
     return found.basis, {"velocity_weight": found.weight, "held_out_rmse": errors}

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,8 @@ from numpy.typing import NDArray
 
 from suffice.quantities import Quantity
 from suffice.refusal import Refusal
+
+PASSES = 2  # over the rows, that a decomposition takes at least
 
 
 class Variable:
@@ -73,3 +76,25 @@ class Variable:
         values = self._dataset[(k, *[0] * lead, slice(low, high))]
         inside: NDArray[Any] = values.reshape(-1, self._quantity.components)[first - low * plane : last - low * plane]
         return inside
+
+
+class Counted:
+    """A variable that tells whenever rows are read how many have been, of how many.
+
+    Two passes over the rows are expected, inner products and modes. Where they are read more often, as by the route
+    `block` at every Lanczos step, all is what the passes begun so far will have read.
+    share: how many rows this process reads in a pass.
+    """
+
+    def __init__(self, variable: Variable, share: int, advance: Callable[[int, int], None]) -> None:
+        self.shape, self.rows_per_particle = variable.shape, variable.rows_per_particle
+        self._variable, self._share, self._advance = variable, share, advance
+        self._done, self._lock = 0, Lock()  # blocks are read by several threads
+
+    def __getitem__(self, rows: slice) -> NDArray[Any]:
+        """Return the rows as the variable has them."""
+        found = self._variable[rows]
+        with self._lock:
+            self._done += len(found)
+            self._advance(self._done, self._share * max(PASSES, math.ceil(self._done / self._share)))
+        return found

@@ -9,6 +9,7 @@ import pytest
 from pod import InputError, lanczos_pod
 from suffice.basis_file import ARRAYS, read_card
 from suffice.decomposing import Wanted, decompose_run
+from suffice.progress import Reporter
 from suffice.refusal import Refusal
 from suffice.run import Run
 from suffice.selecting import select_run
@@ -50,6 +51,20 @@ def test_the_papers_least_reconstructable_mode_is_the_one_that_select_finds(writ
     assert candidate.n_lr_paper < candidate.n_lr
     assert (card["n_lr_paper"], card["n_lr"]) == (candidate.n_lr_paper, candidate.n_lr)
     assert card["n_lr_ritz"] == card["n_lr"]  # all are known, so the sum of those known is exact
+
+
+@pytest.mark.parametrize("options", [{}, {"velocities": True, "interval": 0.002}, {"route": "block", "modes": 2}])
+def test_progress_counts_rows_up_to_the_last_of_whole_passes_and_changes_nothing(source, tmp_path, capsys, options):
+    wanted = Wanted("position", **options)
+    card = decompose_run(source, tmp_path / "shown.h5", wanted, reporter=Reporter(as_json=True))
+    lines = [json.loads(line) for line in capsys.readouterr().err.splitlines()]
+    passes = lines[-1]["all"] / card["n_rows"]
+    assert lines[-1]["done"] == lines[-1]["all"]
+    assert passes == 2 if "route" not in options else passes > 2
+    assert all(line["done"] <= line["all"] for line in lines)
+    decompose_run(source, tmp_path / "silent.h5", wanted)
+    for name, values in stored(tmp_path / "shown.h5").items():
+        assert (values == stored(tmp_path / "silent.h5")[name]).all(), name
 
 
 def test_only_the_snapshots_of_the_interval_are_used(source, tmp_path):
