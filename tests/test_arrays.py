@@ -218,6 +218,10 @@ def pickled(path):
             r"a.npz cannot be read to its end",
         ),
         (lambda path: path.write_bytes(npz_of(position=npy("(" * 100))), r"a.npz cannot be read to its end"),
+        (
+            lambda path: np.savez_compressed(path, position=np.zeros((1, 6 * 10**6, 3), np.float32), time=np.zeros(1)),
+            r"position unpacks to over 100 times its size",
+        ),
         (lambda path: path.write_bytes(b"PK\x05\x06" + bytes(18)), r"has no array position"),
         (lambda path: np.savez(path, **arrays(position=np.zeros((S, N, 2)))), r"position has shape \(5, 7, 2\)"),
         (lambda path: np.savez(path, **arrays(velocity=np.zeros((S, N + 1, 3)))), r"velocity has shape \(5, 8, 3\)"),

@@ -18,6 +18,8 @@ from suffice.refusal import Refusal
 # the last two by numpy's parser of a header
 DAMAGES = (OSError, zipfile.BadZipFile, zlib.error, EOFError, ValueError, RuntimeError, SyntaxError, TokenError)
 REMEDY = "write it again with np.savez"
+AT_ONCE = 2**26  # bytes of a snapshot, up to which anything may be packed however well
+DENSEST = 100  # bytes packed into one, that numbers of a simulation do not reach: positions differ in their last digits
 
 
 class Member(NamedTuple):
@@ -61,6 +63,8 @@ class Npz:
         dtype = self.members[name].dtype
         size = math.prod(shape) * dtype.itemsize
         with self._archive() as archive, archive.open(f"{name}.npy") as stream:
+            if size > AT_ONCE and n * size > DENSEST * archive.getinfo(f"{name}.npy").compress_size:
+                raise Refusal(f"{self.path}: {name} unpacks to over {DENSEST} times its size; write it with np.savez")
             _header(stream)
             for _ in range(n):
                 if len(raw := stream.read(size)) < size:
