@@ -77,6 +77,13 @@ class FluidTable(Table):
             )
         if min(self.cells) < 1:
             raise ValueError(f"cells = {list(self.cells)}: at least one in every direction")
+        for side, face in self.faces.items():
+            across = face.velocity["xyz".index(side[1])] if isinstance(face, NoSlip) else 0.0
+            if across:
+                raise ValueError(
+                    f"faces.{side}.velocity: {across:g} m/s in {side[1]} is through the wall, which slides in its own "
+                    "plane; give 0 there, or an inflow"
+                )
         kinds = [face.kind for face in self.faces.values()]
         if "inflow" in kinds and "outflow" not in kinds:
             raise ValueError("faces: what flows in must get out; give a face of kind outflow")
