@@ -13,6 +13,7 @@ from sim.scene import Scene
 WANTED = {  # by pydantic's names, where its own words mean something to programmers only
     "extra_forbidden": "unknown key; `suffice scenes mini_mill` shows what a scene may say",
     "tuple_type": "must be a list with a number for each component, such as [x, y, z]",
+    "list_type": "must be a list, [ … ]; a list of tables has double brackets, [[ … ]]",
     "model_type": "must be a table, { key = value }",
     "model_attributes_type": "must be a table, { key = value }",
 }

@@ -215,4 +215,10 @@ class Scene(Table):
                     raise ValueError(
                         f"pair_contact.{k}.between names {name!r}; the species are {', '.join(map(repr, self.species))}"
                     )
+        pairs = [sorted(table.between) for table in self.pair_contact]
+        for k, pair in enumerate(pairs):
+            if pair in pairs[:k]:
+                raise ValueError(
+                    f"pair_contact.{k}.between = {pair} is the pair of pair_contact.{pairs.index(pair)}; give it once"
+                )
         return self

@@ -19,6 +19,9 @@ GOOD = {
 BOX = {"shape": "box", "lowest": [0.0, 0.0, 0.0], "highest": [1e-2, 1e-2, 1e-2], "particles": "inside"}
 CYLINDER = {"shape": "cylinder", "axis": [1.0, 0.0, 0.0], "radius": 1.0, "particles": "inside"}
 PACKED = {"diameter": 1e-3, "density": 2500.0, "count": 5}
+PAIR = {"between": ["species 0", "species 0"], "stiffness": 1e3, "restitution": 0.9}
+SLIT = {"kind": "inflow", "speed": 0.1, "lowest": [3e-3, 0.0, 0.0]}
+OUT = {"+z": {"kind": "outflow"}}
 NAN, INF = float("nan"), float("inf")
 
 
@@ -76,6 +79,8 @@ def refused(text):
         ("walls.0.shapes.0", CYLINDER | {"length": -1.0}, "walls.0.shapes.0.length = -1.0 m: Input should be greater"),
         ("walls.0.motion", {"kind": "spin"}, "walls.0.motion: Input tag 'spin' .* 'rotation', 'oscillation'"),
         ("contact.rolling", 0.1, "contact.rolling = 0.1: must be a table, { key = value }"),
+        ("pair_contact", [PAIR, PAIR], "pair_contact.1.between = .* is the pair of pair_contact.0"),
+        ("walls", {"name": "box"}, "walls: must be a list, .* double brackets"),
         ("seed", -1, "seed = -1: Input should be greater than or equal to 0"),
         ("particles", [], "particles: there are none, and no fluid either"),
     ],
@@ -118,6 +123,8 @@ def test_walls_that_have_no_shape_direction_or_name_of_their_own_are_refused(whe
     ("change", "says"),
     [
         ({"cells": [1, 2, 2]}, "one cell in x cannot show the friction of the walls that -x and +x are unless told"),
+        ({"faces": OUT | {"-z": SLIT | {"highest": [4e-3, 1e-2, 0.0]}}}, "from 0.003 to 0.004 m in x holds no centre"),
+        ({"faces": OUT | {"-z": SLIT | {"highest": [2e-2, 1e-2, 0.0]}}}, "from 0.003 to 0.02 m in x is not within"),
         ({"cells": [2, 2, 1], "faces": {"-z": {"kind": "slip"}}}, "of the walls that +z are unless told"),
         (
             {"faces": {"+y": {"kind": "wall", "velocity": [0.1, 0.2, 0.0]}}},
