@@ -9,6 +9,7 @@ from sim.grid import grid_of
 from sim.kernel import Array
 from sim.law import ContactLaw, contact_law
 from sim.motion import FIXED, MOTION_PARAMETERS, OSCILLATING, ROTATING, TRANSLATING, Bodies, move_bodies
+from sim.repeating import check_repeating
 from sim.scene import Scene
 from sim.solids import Meshes, direction, solids_of
 from sim.species import Contact
@@ -71,7 +72,8 @@ def _sizes_to_resolve(scene: Scene) -> list[float]:
 def walls_of(scene: Scene) -> Bodies | None:
     """Return the walls of a scene at time zero, or None where it has none.
 
-    Raises InputError for a shape that is none: without a direction or a volume, or an STL file that is refused.
+    Raises InputError for a shape that is none: without a direction or a volume, or an STL file that is refused, and for
+    one that a periodic box cuts.
     """
     if not scene.walls:
         return None
@@ -100,6 +102,7 @@ def walls_of(scene: Scene) -> Bodies | None:
         blocks,
         spline,
     )
+    check_repeating(scene)
     move_bodies(walls, 0.0)
     return walls
 

@@ -56,8 +56,8 @@ def contact_force(
     mobility: float,
     law: ContactLaw,
     dt: float,
-) -> tuple[Vector, Vector, float]:
-    """Return the force of a contact with a wall in N, its torque in N m, and the energy dissipated this step in J.
+) -> tuple[Vector, Vector, Vector, float]:
+    """Return the force of a contact with a wall (N), its torque, the moment against rolling in it (N m), the loss (J).
 
     `approach` is the velocity of the centre against the wall's surface (m/s), `spin` that of the particle and `turn`
     that of the wall (rad/s), `arm` the particle's lever (m), `mobility` its 1/I. Phase and springs of the list's entry
@@ -69,6 +69,7 @@ def contact_force(
     touching[entry] = phase
     fx, fy, fz = load * nx, load * ny, load * nz
     tx, ty, tz = 0.0, 0.0, 0.0
+    couple = (0.0, 0.0, 0.0)
     if spring is not None:
         slip = slip_of(normal, approach, speed, (arm * spin[0], arm * spin[1], arm * spin[2]))
         old = (spring[entry, 0], spring[entry, 1], spring[entry, 2])
@@ -81,11 +82,11 @@ def contact_force(
         if rolls is not None:
             old = (spring[entry, 3], spring[entry, 4], spring[entry, 5])
             turning = (spin[0] - turn[0], spin[1] - turn[1], spin[2] - turn[2])
-            roll, new, rubbed = rolling_moment(normal, turning, old, load, share, arm, mobility, law, dt, elapsed)
+            couple, new, rubbed = rolling_moment(normal, turning, old, load, share, arm, mobility, law, dt, elapsed)
             spring[entry, 3], spring[entry, 4], spring[entry, 5] = new
             lost += rubbed
-            tx, ty, tz = tx + roll[0], ty + roll[1], tz + roll[2]
-    return (fx, fy, fz), (tx, ty, tz), lost
+            tx, ty, tz = tx + couple[0], ty + couple[1], tz + couple[2]
+    return (fx, fy, fz), (tx, ty, tz), couple, lost
 
 
 @inlined

@@ -5,6 +5,7 @@ from time import perf_counter
 import numpy as np
 
 from sim.coupling import Coupling
+from sim.errors import InputError, LimitError
 from sim.fluid_series import fluid_series
 from sim.fluid_side import FluidSide
 from sim.kernel import Array
@@ -23,7 +24,10 @@ class CoupledSimulation(FluidSide, Simulation):
         if scene.drag is not None:
             self.coupling = Coupling(scene.drag, self.gravity, len(self.particles.radius))
         self.seconds |= {"exchange": 0.0, "immersed": 0.0}
-        self._check_inside()
+        try:
+            self._check_inside()
+        except LimitError as error:  # before anything has run it is the scene that is at fault
+            raise InputError(str(error)) from None
         if self.coupling is not None:
             self.coupling.start_(self.fluid, self.particles)
 

@@ -77,10 +77,39 @@ class FluidTable(Table):
             )
         if min(self.cells) < 1:
             raise ValueError(f"cells = {list(self.cells)}: at least one in every direction")
+        for side, face in self.faces.items():
+            across = face.velocity["xyz".index(side[1])] if isinstance(face, NoSlip) else 0.0
+            if across:
+                raise ValueError(
+                    f"faces.{side}.velocity: {across:g} m/s in {side[1]} is through the wall, which slides in its own "
+                    "plane; give 0 there, or an inflow"
+                )
         kinds = [face.kind for face in self.faces.values()]
         if "inflow" in kinds and "outflow" not in kinds:
             raise ValueError("faces: what flows in must get out; give a face of kind outflow")
         return self
+
+    @model_validator(mode="after")
+    def _regions_are_on_their_faces(self) -> "FluidTable":
+        for side, face in self.faces.items():
+            if isinstance(face, Inflow) and face.lowest is not None and face.highest is not None:
+                for k, axis in enumerate("xyz"):
+                    if axis != side[1]:
+                        self._check_region(f"faces.{side}", axis, face.lowest[k], face.highest[k])
+        return self
+
+    def _check_region(self, field: str, axis: str, low: float, high: float) -> None:
+        """Refuse an open region (m, along an axis) that is not on the face, or that no cell's centre is in."""
+        k = "xyz".index(axis)
+        first, last, cells = self.lowest[k], self.highest[k], self.cells[k]
+        region, size = f"{field}: its region from {low:g} to {high:g} m in {axis}", (last - first) / cells
+        if not first - 1e-6 * size <= low < high <= last + 1e-6 * size:
+            raise ValueError(f"{region} is not within the box, from {first:g} to {last:g} m; move its corners")
+        if not any(low < first + (i + 0.5) * size < high for i in range(cells)):
+            raise ValueError(
+                f"{region} holds no centre of a cell of {size:.3g} m, so that nothing would flow; widen it, or give "
+                "more cells"
+            )
 
 
 class Drag(Table):

@@ -36,13 +36,13 @@ def gridded_mesh(field: str, mesh: Mesh, spacing: float, margin: float) -> Gridd
     origin = mesh.vertices.min(axis=0) - margin - 1.5 * spacing
     size = mesh.vertices.max(axis=0) + margin + 1.5 * spacing - origin
     counts = np.floor(size / (spacing * BLOCK)).astype(np.int64) + 1
-    _refuse_more_than(MOST_BLOCKS, int(np.prod(counts)), field, spacing)
+    _refuse_more_than(MOST_BLOCKS, int(np.prod(counts)), field, spacing, mesh)
     exact = ExactDistance(mesh)
     corner = np.stack(np.unravel_index(np.arange(np.prod(counts)), tuple(counts)), axis=1) * BLOCK  # first nodes
     phi = exact(origin + (corner + 0.5 * (BLOCK - 1)) * spacing)
     half_diagonal = 0.5 * np.sqrt(3.0) * BLOCK * spacing
     near = np.abs(phi) <= margin + half_diagonal
-    _refuse_more_than(MOST_STORED, int(near.sum()), field, spacing)
+    _refuse_more_than(MOST_STORED, int(near.sum()), field, spacing, mesh)
     blocks = np.stack([np.full(len(phi), FAR), np.sign(phi) * (np.abs(phi) - half_diagonal)], axis=1)
     blocks[near, 0] = np.arange(near.sum())
     wanted = np.arange(-2, STORED)  # a node more than is stored, for second differences
@@ -55,11 +55,13 @@ def gridded_mesh(field: str, mesh: Mesh, spacing: float, margin: float) -> Gridd
     return Gridded(origin, spacing, counts, margin, blocks, coefficients(values))
 
 
-def _refuse_more_than(most: int, blocks: int, field: str, spacing: float) -> None:
+def _refuse_more_than(most: int, blocks: int, field: str, spacing: float, mesh: Mesh) -> None:
     if blocks > most:
+        across = float(np.ptp(mesh.vertices, axis=0).max())
         raise InputError(
-            f"{field}.resolution = {spacing:.3g} m: takes {blocks:.3g} blocks of {BLOCK}³ nodes (at most {most:.3g}); "
-            f"use {spacing * (blocks / most) ** 0.5:.2g} m or more, or build the wall of cylinders, boxes and cones"
+            f"{field}.resolution = {spacing:.3g} m: takes {blocks:.3g} blocks of {BLOCK}³ nodes (at most {most:.3g}) "
+            f"for a mesh {across:.3g} m across; give scale = 1e-3 if its file is in mm, else use "
+            f"{spacing * (blocks / most) ** 0.5:.2g} m or more, or build the wall of cylinders, boxes and cones"
         )
 
 

@@ -10,6 +10,14 @@ from pydantic import BaseModel, ValidationError
 from sim.errors import InputError
 from sim.scene import Scene
 
+WANTED = {  # by pydantic's names, where its own words mean something to programmers only
+    "extra_forbidden": "unknown key; `suffice scenes mini_mill` shows what a scene may say",
+    "tuple_type": "must be a list with a number for each component, such as [x, y, z]",
+    "list_type": "must be a list, [ … ]; a list of tables has double brackets, [[ … ]]",
+    "model_type": "must be a table, { key = value }",
+    "model_attributes_type": "must be a table, { key = value }",
+}
+
 
 def _unit(model: type[BaseModel], path: tuple[int | str, ...]) -> str:
     """Return the unit of the field at a path of a refused scene, empty where it has none."""
@@ -53,8 +61,7 @@ def refusal(error: ValidationError, source: str, tables: Any) -> InputError:
         value = found["input"]
         shown = f" = {value!r}" if isinstance(value, str | int | float | bool) else ""
         wanted = found["msg"].removeprefix("Value error, ")
-        if found["type"] == "extra_forbidden":
-            wanted = "unknown key; `suffice scenes mini_mill` shows what a scene may say"
+        wanted = WANTED.get(found["type"], wanted)
         at_fault = f"{name}{shown}{' ' + unit if shown and unit else ''}"
         lines.append(f"{at_fault}: {wanted}" if at_fault else wanted)
     rest = f" (and {len(findings) - 5} more)" if len(findings) > 5 else ""

@@ -138,6 +138,20 @@ class Scene(Table):
         return self
 
     @model_validator(mode="after")
+    def _single_cells_stand_between_given_faces(self) -> "Scene":
+        if self.fluid is None:
+            return self
+        for k, (axis, repeats) in enumerate(zip("xyz", self.repeats, strict=True)):
+            missing = [side for side in (f"-{axis}", f"+{axis}") if side not in self.fluid.faces]
+            if self.fluid.cells[k] == 1 and not repeats and missing:
+                raise ValueError(
+                    f"fluid.cells = {list(self.fluid.cells)}: one cell in {axis} cannot show the friction of the walls "
+                    f"that {' and '.join(missing)} are unless told; where {axis} does not matter, give these faces "
+                    f'kind = "slip" or let the box repeat there, else more cells'
+                )
+        return self
+
+    @model_validator(mode="after")
     def _immersed_walls_have_a_fluid(self) -> "Scene":
         for k, wall in enumerate(self.walls):
             if wall.immersed and self.fluid is None:
@@ -201,4 +215,10 @@ class Scene(Table):
                     raise ValueError(
                         f"pair_contact.{k}.between names {name!r}; the species are {', '.join(map(repr, self.species))}"
                     )
+        pairs = [sorted(table.between) for table in self.pair_contact]
+        for k, pair in enumerate(pairs):
+            if pair in pairs[:k]:
+                raise ValueError(
+                    f"pair_contact.{k}.between = {pair} is the pair of pair_contact.{pairs.index(pair)}; give it once"
+                )
         return self

@@ -42,6 +42,15 @@ def tally_body(body_tally: Array, c: int, b: int, dt: float, push: Vector, arm: 
     body_tally[c, b, 6] += (push[0] * wall[0] + push[1] * wall[1] + push[2] * wall[2]) * dt
 
 
+@inlined
+def tally_couple(body_tally: Array, c: int, b: int, dt: float, couple: Vector, turn: Vector) -> None:
+    """Count the moment (N m) against rolling that body b put on a particle: it turns without pushing, and works."""
+    body_tally[c, b, 3] += couple[0] * dt
+    body_tally[c, b, 4] += couple[1] * dt
+    body_tally[c, b, 5] += couple[2] * dt
+    body_tally[c, b, 6] += (couple[0] * turn[0] + couple[1] * turn[1] + couple[2] * turn[2]) * dt
+
+
 @kernel
 def add_wall_forces(
     c: int,
@@ -90,7 +99,7 @@ def add_wall_forces(
             spin, mobility = (0.0, 0.0, 0.0), 1.0
             if spring is not None:
                 spin, mobility = (seen[i, SPIN_X], seen[i, SPIN_Y], seen[i, SPIN_Z]), seen[i, INVERSE_INERTIA]
-            push, torque, taken = contact_force(
+            push, torque, couple, taken = contact_force(
                 entry, overlap, normal, approach, spin, body_turn(walls, b), distance, near.touching, spring, rolls,
                 1.0 / seen[i, INVERSE_MASS], mobility, law, dt,
             )  # fmt: skip
@@ -100,5 +109,7 @@ def add_wall_forces(
                 if spring is not None:
                     wrench[i, 3 + axis] += torque[axis]
             tally_body(body_tally, c, b, dt, push, arm, wall)
+            if rolls is not None:
+                tally_couple(body_tally, c, b, dt, couple, body_turn(walls, b))
     tally[c, 0] += lost
     tally[c, 1] = deepest

@@ -31,7 +31,7 @@ def provenance_of(text: str, scene: Scene) -> dict[str, str]:
     start = {} if scene.start is None else {"start": scene.start.run}
     return {
         "scene": text,
-        "settings": _settings(scene),
+        "settings": json.dumps(_settings(scene)),
         **start,
         "suffice": version("suffice"),
         "numba": numba.__version__,
@@ -42,15 +42,30 @@ def provenance_of(text: str, scene: Scene) -> dict[str, str]:
     }
 
 
-def _settings(scene: Scene) -> str:
+def _settings(scene: Scene) -> dict[str, Any]:
     settings: dict[str, Any] = {"until": scene.time.duration, "seed": scene.seed}
     start = read_start(scene)
     if start is not None:
         settings["start"] = start_digest(start)
-    return json.dumps(settings)
+    return settings
 
 
 def made_otherwise(past: Run, text: str, scene: Scene) -> str:
-    """Name what a run was made with that differs from this scene, `scene` or `settings`; empty if nothing does."""
-    now = {"scene": text, "settings": _settings(scene)}
-    return next((what for what, value in now.items() if past.provenance.get(what) != value), "")
+    """Name what a run was made with that differs from this scene, `scene` or a setting; empty if nothing does."""
+    if past.provenance.get("scene") != text:
+        return "scene"
+    before, now = _settings_of(past), _settings(scene)
+    if before.get("start") != now.get("start"):
+        return "start"
+    if before.get("until") != now["until"]:
+        return f"end ({before.get('until')} s, now {now['until']} s)"
+    return "" if before.get("seed") == now["seed"] else f"seed ({before.get('seed')}, now {now['seed']})"
+
+
+def _settings_of(past: Run) -> dict[str, Any]:
+    """Return the settings that stand in a run; empty where it has none, or a damaged text."""
+    try:
+        settings = json.loads(past.provenance.get("settings", ""))
+    except ValueError:
+        return {}
+    return settings if isinstance(settings, dict) else {}

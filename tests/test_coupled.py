@@ -145,7 +145,7 @@ def test_a_step_too_long_for_the_flow_stops_the_run_and_says_where():
 
 
 def test_a_particle_outside_the_box_of_the_fluid_is_named():
-    with pytest.raises(LimitError, match=r"particle \d+ is outside the fluid's box, .* enlarge fluid"):
+    with pytest.raises(InputError, match=r"particle \d+ is outside the fluid's box, .* enlarge fluid"):
         simulation_of(stirred(fluid={"highest": [8e-3, 8e-3, 4e-3]}))
 
 

@@ -286,7 +286,9 @@ def test_a_missing_file_and_a_resolution_too_fine_are_refused(scene_of, tmp_path
     with pytest.raises(InputError, match=r"walls\.0\.shapes\.0\.file = 'nowhere\.stl': no such file"):
         Simulation(scene_of(walls=[wall("nowhere.stl")], **run))
     stl = write_stl(tmp_path / "large.stl", block([0] * 3, [1] * 3))
-    with pytest.raises(InputError, match=r"walls\.0\.shapes\.0\.resolution = 0\.0005 m: takes .* use 0\.\d+ m or more"):
+    with pytest.raises(
+        InputError, match=r"walls\.0\.shapes\.0\.resolution = 0\.0005 m: takes .* in mm, else use 0\.\d+ m or more"
+    ):
         Simulation(scene_of(walls=[wall(stl, resolution=5e-4)], **run))
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim import Simulation, simulate
+from sim import InputError, Simulation, simulate
 from sim.checkpoint import restore_, state_of
 
 D, SIDE = 1e-3, 8e-3
@@ -73,6 +73,35 @@ def test_a_floor_holds_particles_where_the_sides_repeat(scene_of):
     *_, last = simulate(scene)
     assert last.position[:, 2].min() > 0.45 * D
     assert np.ptp(last.position[:, :2], axis=0).max() > SIDE - 2 * D
+
+
+def stirred(scene_of, at, copies=1):
+    """Spheres around a cross that turns about a point (m) of a periodic box; the cross may be there again."""
+    ring = [(0.5 + 0.43 * np.cos(a), 0.5 + 0.43 * np.sin(a)) for a in np.arange(12) * np.pi / 6]
+    turn = {"kind": "rotation", "axis": [0, 0, 1], "rpm": 600.0}
+    walls = []
+    for k in range(copies):
+        x = at + k * SIDE
+        arms = [[[x - 2e-3, 3.5e-3, -1], [x + 2e-3, 4.5e-3, 1]], [[x - 0.5e-3, 2e-3, -1], [x + 0.5e-3, 6e-3, 1]]]
+        cross = [{"shape": "box", "lowest": low, "highest": high, "particles": "outside"} for low, high in arms]
+        walls.append({"name": f"cross {k}", "motion": turn | {"point": [x, 4e-3, 0]}, "shapes": cross})
+    position = [[(a * SIDE + at - 4e-3) % SIDE, b * SIDE, 0] for a, b in ring]
+    return scene_of(
+        particles=[{"diameter": D, "density": 2500.0, "position": position, "velocity": [0.2, 0.1, 0]}],
+        contact={"stiffness": 1e4, "restitution": 0.8, "friction": 0.3},
+        periodic=BOX | {"directions": ["x", "y"]}, walls=walls,
+        time={"duration": 0.02}, output={"interval": 1e-3, "precision": "double"},
+    )  # fmt: skip
+
+
+def test_a_solid_on_a_border_is_refused_and_one_that_stands_there_twice_is_the_one_within(scene_of):
+    for at in (0.0, 2.4e-3, SIDE):
+        with pytest.raises(InputError, match=r"walls\.0\.shapes\.0: is or comes .* in x, within a radius of a border"):
+            Simulation(stirred(scene_of, at))
+    within, across = (list(simulate(stirred(scene_of, *args))) for args in ((4e-3,), (0.0, 2)))
+    assert within[-1].series["energy.wall_work"] > 0.1 * within[0].series["energy.kinetic"]
+    moved = [(a.position - b.position)[:, 0] + 4e-3 for a, b in zip(across, within, strict=True)]
+    np.testing.assert_allclose([m - SIDE * np.round(m / SIDE) for m in moved], 0.0, atol=1e-6 * D)
 
 
 def test_a_run_in_a_periodic_box_goes_on_bitwise_from_its_state(scene_of):

@@ -66,6 +66,36 @@ def test_a_sphere_holds_on_a_slope_up_to_the_angle_whose_tangent_is_rolling_fric
 
 
 @pytest.mark.parametrize("model", MODELS)
+def test_a_turning_drum_feels_the_moment_with_which_it_rolls_beads(scene_of, model):
+    """ΔL_z = ∫ (T_z + Σ x m g_y) dt about the axis, spins included; and what the drum works is what the beads get."""
+    interval, omega = 5e-4, 2 * pi
+    rotation = {"kind": "rotation", "axis": [0, 0, 1], "rpm": 60.0}
+    hollow = {"shape": "cylinder", "axis": [0, 0, 1], "radius": 20e-3, "particles": "inside"}
+    position = [[0, -19e-3, 0], [2.2e-3, -18.87e-3, 0], [-2.2e-3, -18.87e-3, 0]]
+    run = list(simulate(scene_of(
+        particles=[{"diameter": 2 * RADIUS, "density": DENSITY, "position": position}],
+        contact={"stiffness": STIFFNESS, "restitution": 0.5, "friction": 0.5,
+                 "rolling": {"model": model, "friction": 0.5}},
+        gravity={"acceleration": [0, -G, 0]},
+        time={"duration": 0.05}, output={"interval": interval, "precision": "double"},
+        walls=[{"name": "drum", "motion": rotation, "shapes": [hollow]}],
+    )))  # fmt: skip
+    mass = WEIGHT / G
+    weight = np.array([-WEIGHT * s.position[:, 0].sum() for s in run])
+    torque, power, balance = (
+        np.array([s.series[name] for s in run]) for name in ("torque.drum.z", "power.drum", "energy.balance")
+    )
+    spun = [
+        mass * np.cross(s.position, s.velocity)[:, 2].sum() + 0.4 * mass * RADIUS**2 * s.angular_velocity[:, 2].sum()
+        for s in (run[0], run[-1])
+    ]
+    given = interval * (torque[1:] + 0.5 * (weight[1:] + weight[:-1])).sum()
+    assert spun[1] - spun[0] == pytest.approx(given, abs=1e-4 * interval * np.abs(torque).sum())
+    assert power == pytest.approx(omega * torque, rel=1e-9, abs=1e-15)
+    assert np.ptp(balance) < 2e-3 * run[-1].series["energy.wall_work"]
+
+
+@pytest.mark.parametrize("model", MODELS)
 def test_rolling_moments_of_a_pair_keep_angular_momentum_and_account_for_the_energy(scene_of, model):
     radius, density = (1e-3, 4e-4), (2500.0, 7800.0)
     position = [[0, 0, 0], [0.9e-3, 0.6e-3, 0.95e-3]]

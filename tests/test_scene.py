@@ -19,13 +19,16 @@ GOOD = {
 BOX = {"shape": "box", "lowest": [0.0, 0.0, 0.0], "highest": [1e-2, 1e-2, 1e-2], "particles": "inside"}
 CYLINDER = {"shape": "cylinder", "axis": [1.0, 0.0, 0.0], "radius": 1.0, "particles": "inside"}
 PACKED = {"diameter": 1e-3, "density": 2500.0, "count": 5}
+PAIR = {"between": ["species 0", "species 0"], "stiffness": 1e3, "restitution": 0.9}
+SLIT = {"kind": "inflow", "speed": 0.1, "lowest": [3e-3, 0.0, 0.0]}
+OUT = {"+z": {"kind": "outflow"}}
 NAN, INF = float("nan"), float("inf")
 
 
 def inline(value):
     """Write a value as TOML on one line."""
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {inline(item)}" for key, item in value.items()) + " }"
+        return "{ " + ", ".join(f"{json.dumps(key)} = {inline(item)}" for key, item in value.items()) + " }"
     if isinstance(value, list):
         return "[" + ", ".join(map(inline, value)) + "]"
     return json.dumps(value) if isinstance(value, str | bool) else repr(value)
@@ -67,7 +70,7 @@ def refused(text):
         ("particles.0.position.1", [0.0, 1.0], "particles.0.position.1.2: Field required"),
         ("particles.0.velocity", [INF, 0.0, 0.0], "particles.0.velocity.0 = inf m/s: Input should be a finite number"),
         ("particles.0.velocity", [1.0, 2.0], "particles.0.velocity.2: Field required"),
-        ("particles.0.velocity", "fast", "particles.0.velocity = 'fast' m/s: Input should be a valid tuple"),
+        ("particles.0.velocity", "fast", "particles.0.velocity = 'fast' m/s: must be a list with a number for each"),
         ("particles.0.velocity", [[1.0, 0.0, 0.0]], "velocity lists 1 vectors for 2 particles; give one each"),
         ("particles.0.count", 3, "particles.0: give one of .* found count and position"),
         ("gravity.acceleration", [0.0, 0.0, NAN], "gravity.acceleration.2 = nan m/s²: Input should be a finite"),
@@ -75,6 +78,9 @@ def refused(text):
         ("walls.0.shapes.0.point", [0.0, 0.0, -INF], "walls.0.shapes.0.point.2 = -inf m: Input should be a finite"),
         ("walls.0.shapes.0", CYLINDER | {"length": -1.0}, "walls.0.shapes.0.length = -1.0 m: Input should be greater"),
         ("walls.0.motion", {"kind": "spin"}, "walls.0.motion: Input tag 'spin' .* 'rotation', 'oscillation'"),
+        ("contact.rolling", 0.1, "contact.rolling = 0.1: must be a table, { key = value }"),
+        ("pair_contact", [PAIR, PAIR], "pair_contact.1.between = .* is the pair of pair_contact.0"),
+        ("walls", {"name": "box"}, "walls: must be a list, .* double brackets"),
         ("seed", -1, "seed = -1: Input should be greater than or equal to 0"),
         ("particles", [], "particles: there are none, and no fluid either"),
     ],
@@ -111,6 +117,24 @@ def test_a_value_out_of_range_is_named_with_its_field_unit_and_limit(where, valu
 )
 def test_walls_that_have_no_shape_direction_or_name_of_their_own_are_refused(where, value, says):
     assert says in refused(changed(where, value))
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"cells": [1, 2, 2]}, "one cell in x cannot show the friction of the walls that -x and +x are unless told"),
+        ({"faces": OUT | {"-z": SLIT | {"highest": [4e-3, 1e-2, 0.0]}}}, "from 0.003 to 0.004 m in x holds no centre"),
+        ({"faces": OUT | {"-z": SLIT | {"highest": [2e-2, 1e-2, 0.0]}}}, "from 0.003 to 0.02 m in x is not within"),
+        ({"cells": [2, 2, 1], "faces": {"-z": {"kind": "slip"}}}, "of the walls that +z are unless told"),
+        (
+            {"faces": {"+y": {"kind": "wall", "velocity": [0.1, 0.2, 0.0]}}},
+            "faces.+y.velocity: 0.2 m/s in y is through",
+        ),
+    ],
+)
+def test_a_fluid_whose_sides_would_not_do_what_the_scene_seems_to_say_is_refused(change, says):
+    fluid = {"density": 1e3, "viscosity": 1e-3, "lowest": [0.0] * 3, "highest": [1e-2] * 3, "cells": [2, 2, 2]}
+    assert says in refused(changed("fluid", fluid | change))
 
 
 def test_two_particles_in_one_place_are_refused_by_their_numbers_and_overlap():

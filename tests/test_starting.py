@@ -42,10 +42,12 @@ def test_a_run_that_starts_from_another_is_not_resumed_once_that_one_has_changed
     assert settled().code == 0
     resumed = ("simulate", "later/scene.toml", "-o", "second.h5", "--until", 0.004, "--resume")
     assert suffice(*resumed).code == 0
+    longer = suffice(*resumed[:-2], 0.006, "--resume")
+    assert "was made with another end (0.004 s, now 0.006 s)" in longer.err.replace("\n", " ")
     assert suffice("simulate", "scene.toml", "-o", "first.h5", "--seed", 5, "--until", 0.01).code == 0
     refused = suffice(*resumed)
     assert refused.code == 2
-    assert "was made with another settings" in refused.err.replace("\n", " ")
+    assert "was made with another start" in refused.err.replace("\n", " ")
 
 
 @pytest.mark.parametrize(
