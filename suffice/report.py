@@ -227,10 +227,12 @@ def _error(results: Results) -> Section | None:
 
 
 def _ledger(results: Results) -> Section | None:
-    figure = ledger_figure(results.get("series") or {})
+    series = results.get("series") or {}
+    figure = ledger_figure(series)
     if figure is None:
         return None
-    text = "What the particles have and have lost, less the work of the walls, must balance: dashed, ideally zero."
+    givers = "the walls and of the fluid on them" if series.get("fluid_work") else "the walls"
+    text = f"What the particles have and have lost, less the work of {givers}, must balance: dashed, ideally zero."
     return Section("Energy ledger", _quiet(text), {"": figure})
 
 

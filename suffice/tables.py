@@ -87,7 +87,7 @@ def _chosen(found: Mapping[str, Any]) -> str:
     limit = found["thresholds"]["feasibility"]
     chosen = found["chosen_interval"]
     if chosen is None:
-        best = max(found["candidates"], key=lambda c: c["K_f"] or 0.0)
+        best = max(found["candidates"], key=lambda c: (c["K_f"] or 0.0, -c["interval"]))
         promise = promise_text(found)
         best_text = f"best K_f {number(best['K_f'])} at {best['interval']:g} s"
         return f"not sufficient at any Δτ considered; {best_text}{promise and '; ' + promise}"
