@@ -1,6 +1,7 @@
 """The report of a study: one page that needs nothing but a browser."""
 
 import json
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -115,7 +116,8 @@ def _json(value: Any) -> str:
 def _html(section: Section, panel: str) -> str:
     # their order is that of the figures' keys
     pickers = "".join(_picker(name, options) for name, options in section.pickers.items())
-    figure = f'<div class="panel" id="{panel}"></div>' if section.figures else ""
+    label = escape(re.sub("<[^>]*>", "", section.title))
+    figure = f'<div class="panel" id="{panel}" role="figure" aria-label="{label}"></div>' if section.figures else ""
     title = f"<h2>{section.title}</h2>" if section.title else ""
     return (
         f"<section>{title}{section.body}"

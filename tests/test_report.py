@@ -227,6 +227,14 @@ def test_numbers_that_are_not_finite_are_gaps_in_a_line_and_not_broken_json(resu
     assert page.figure("modes n")["position.x"]["data"][0]["y"][4] is None  # n = 0 is not drawn
 
 
+def test_every_figure_has_a_name_for_those_who_hear_the_page(results):
+    page = Page(render(results))
+    names = [attrs.get("aria-label") for _, attrs in page.tags if attrs.get("class") == "panel"]
+    assert len(names) == sum(map(bool, page.figures.values()))
+    assert "Consistency Rc(n)" in names
+    assert len(set(names)) == len(names)
+
+
 def test_plotly_accepts_every_figure(results):
     drawn = [figure for figures in Page(render(results)).figures.values() for figure in figures.values()]
     assert len(drawn) == 2 + 2 + 1 + 1 + 1 + 1
