@@ -13,7 +13,13 @@ ENRICHED = "+ v: modes of positions and velocities; bold: no other choice beats 
 FOUND = ("in_situ", "kept", "summary")  # parts of an answer on a simulation that are told otherwise
 MARKS = {"sufficient": "green", "insufficient": "red", "undecidable": "yellow"}
 SECONDS = ("interval", "duration", "times", "window", "time_step", "seconds", "fit_seconds")
-UNITS = dict.fromkeys(SECONDS, "s") | {"diameter": "m", "rmse_diameters": "d", "bytes": "B", "storage_bytes": "B"}
+UNITS = dict.fromkeys(SECONDS, "s") | {
+    "diameter": "m",
+    "velocity_rmse": "m/s",
+    "rmse_diameters": "d",
+    "bytes": "B",
+    "storage_bytes": "B",
+}
 ERRORS = ("rmse", "projection_rmse")  # in the unit of the variable
 SIGNS = {"sufficient": "✓", "undecidable": "?"}  # where colours are not seen
 

@@ -17,7 +17,7 @@ from sim.assembly import walls_of
 from sim.filling import solid_fraction
 from sim.scene import Scene
 from suffice.__main__ import app
-from suffice.study import Study
+from suffice.study import Study, built_in_studies
 
 TOP = Path(__file__).parents[1]
 PAGES = [TOP / "README.md", *sorted((TOP / "docs").glob("*.md"))]
@@ -39,6 +39,11 @@ def shown_commands(page):
 def test_readme_lists_the_commands_that_there_are():
     listed = re.findall(r"^\| `suffice (\w+)", (TOP / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
     assert listed == list(COMMANDS)
+
+
+def test_the_help_of_study_names_all_built_in_studies():
+    (named,) = [parameter.help for parameter in COMMANDS["study"].params if parameter.name == "name"]
+    assert sorted(named.partition("built in: ")[2].split(", ")) == sorted(built_in_studies())
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
