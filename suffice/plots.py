@@ -238,9 +238,13 @@ def ticks(values: Iterable[Any], text: Callable[[float], str] = "{:.6g}".format)
     if not known:
         return {}
     low, high = math.floor(math.log10(min(known))), math.floor(math.log10(max(known)))
-    marks: list[float] = []
-    for steps in STEPS[1:] if high - low < 4 else STEPS[:1]:
-        marks = [float(f"{step}e{power}") for power in range(low, high + 2) for step in steps]
+    marks = _at_steps(STEPS[1] if high - low < 4 else STEPS[0], low, high)
+    for steps in STEPS[2:] if max(known) > 1.1 * min(known) else ():  # of one value plotly shows two decades
         if sum(min(known) <= mark <= max(known) for mark in marks) >= 3:
             break
+        marks = [mark for mark in _at_steps(steps, low, high) if min(known) / 1.3 <= mark <= 1.3 * max(known)]
     return {"tickvals": marks, "ticktext": [text(mark) for mark in marks]}
+
+
+def _at_steps(steps: Sequence[float], low: int, high: int) -> list[float]:
+    return [float(f"{step}e{power}") for power in range(low, high + 2) for step in steps]

@@ -227,6 +227,10 @@ def test_numbers_that_are_not_finite_are_gaps_in_a_line_and_not_broken_json(resu
     assert page.figure("modes n")["position.x"]["data"][0]["y"][4] is None  # n = 0 is not drawn
 
 
+def test_a_single_value_gets_no_more_marks_than_two_decades_can_hold():
+    assert len(ticks([1.0, 1.03])["tickvals"]) <= 6
+
+
 def test_every_figure_has_a_name_for_those_who_hear_the_page(results):
     page = Page(render(results))
     names = [attrs.get("aria-label") for _, attrs in page.tags if attrs.get("class") == "panel"]
