@@ -28,7 +28,7 @@ def chosen_text(candidates: Sequence["Candidate"], chosen_interval: float | None
         return "K_f is not defined at any Δτ considered"
     chosen = next((c for c in known if c.interval == chosen_interval), None)
     if chosen is None:
-        best = max(known, key=lambda c: c.K_f or 0.0)
+        best = max(known, key=lambda c: (c.K_f or 0.0, -c.interval))
         return f"no Δτ considered suffices: K_f is {feasibility_text(best)} at most, at {best.interval:g} s"
     doubt = "" if chosen.verdict == "sufficient" else f"; but {chosen.verdict}: {'; '.join(chosen.reasons)}"
     return f"Δτ = {chosen.interval:g} s suffices: K_f {feasibility_text(chosen)} ≥ {limit:g}{doubt}"

@@ -51,7 +51,10 @@ def _say(message: str) -> None:
 @app.command()
 def study(
     context: typer.Context,
-    name: Annotated[str, typer.Argument(metavar="STUDY", help="a built-in study, or a TOML file")] = "mini",
+    name: Annotated[
+        str,
+        typer.Argument(metavar="STUDY", help="a TOML file, or built in: mini, bead_mill, paper, speeds, omissions"),
+    ] = "mini",
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="DIR", help="default ./NAME")] = None,
 ) -> None:
     """Simulate or read, judge every Δτ, train, compare and report; finished stages are not run again."""
@@ -81,7 +84,7 @@ def scenes(name: Annotated[str | None, typer.Argument(help="print this one as TO
 def simulate(
     context: typer.Context,
     scene: Annotated[str, typer.Argument(metavar="SCENE", help="a built-in scene, or a TOML file")],
-    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="RUN")] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="RUN", help="such as run.h5")] = None,
     until: Annotated[float | None, typer.Option(help="end, s, instead of the scene's")] = None,
     seed: Annotated[int | None, typer.Option(help="of the packing, instead of the scene's")] = None,
     threads: Annotated[int | None, typer.Option(help="default: all")] = None,
@@ -166,7 +169,7 @@ def info(
 def decompose(
     context: typer.Context,
     run_file: RunFile,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="BASIS")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="BASIS", help="such as basis.h5")],
     variable: Annotated[str, typer.Option(help="such as position.x or velocity")],
     interval: Annotated[float | None, typer.Option(help="Δτ between the snapshots used, s; default: all")] = None,
     energy: Annotated[float | None, typer.Option(help="share of the energy that the modes hold")] = None,

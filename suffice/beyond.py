@@ -41,6 +41,7 @@ def compare_beyond(
     starts: int = 8,
     horizons: Sequence[int] = (1, 2, 5, 10, 25),
     energy: float = 0.999,
+    consistency: float = 1.05,
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> dict[str, Any]:
@@ -50,8 +51,8 @@ def compare_beyond(
     the baselines without modes, are then asked ahead of several `starts`, the end of training and others spread over
     the rest, each given the snapshots up to it; regressors in time can only go on from the end of training. `horizons`
     are snapshots ahead; those longer than the rest of the run are left out. Modes: n_lr (the least that hold `energy`)
-    and n_c (the most that are consistent, of the training part alone; all where that is undefined). progress is called
-    with (done, all).
+    and n_c (the most that are consistent, R_c up to `consistency`, of the training part alone; all where that is
+    undefined). progress is called with (done, all).
 
     The answer holds `rows`, one per variable, surrogate and n: `rmse` at 1, 2, … snapshots ahead, the mean over its
     starts of the RMSE over rows, in the variable's unit, with the start kept (x(s) + Σ (ĉ - c(s)) φ), and
@@ -67,8 +68,7 @@ def compare_beyond(
     check_ahead(share, starts, horizons, energy)
     kept, trained = cut_at(run, interval, share)
     ahead = within(horizons, len(kept) - trained)
-    reach = ahead[-1]
-    spread = np.unique(np.linspace(trained - 1, len(kept) - 1 - reach, starts).round().astype(np.intp))
+    spread = np.unique(np.linspace(trained - 1, len(kept) - 1 - ahead[-1], starts).round().astype(np.intp))
     answer: dict[str, Any] = {
         "task": "beyond",
         "interval": interval,
@@ -77,6 +77,7 @@ def compare_beyond(
         "start_times": [float(run.times[kept[start]]) for start in spread],
         "horizons": ahead,
         "energy": energy,
+        "consistency": consistency,
         "seed": seed,
         "diameter": mean_diameter(run),
         **{table: [] for table in ("rows", "bases", "left_out")},
@@ -85,7 +86,7 @@ def compare_beyond(
         if progress:
             progress(done, len(asked))
         values, rates = held(run, name), held_rates(run, name, ["ballistic"])
-        future = Future(values, rates, kept, run.times[kept], trained, spread, reach)
+        future = Future(values, rates, kept, run.times[kept], trained, spread, ahead[-1])
         _compare_one(answer, future, run, name, names)
     if progress:
         progress(len(asked), len(asked))
@@ -186,7 +187,7 @@ def _consistent(run: Run, future: Future, answer: dict[str, Any]) -> int | None:
     """n_c of the training part at this Δτ, None where there are no unseen snapshots or no consistent mode."""
     dense = np.arange(future.kept[future.trained - 1] + 1)
     part = SnapshotMatrix(future.values).columns(dense)
-    limits = Thresholds(energy=answer["energy"])
+    limits = Thresholds(energy=answer["energy"], consistency=answer["consistency"])
     (found,) = sweep(part, run.times[dense], [answer["interval"]], limits, groups=None).candidates
     return found.n_c if found.K_f is not None and found.n_c > 0 else None
 

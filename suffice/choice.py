@@ -123,7 +123,7 @@ def cheapest(
     if error is None:
         sentence = f"{variable}: within {wanted} the most accurate is {_described(own[first.chosen])}."
         return {**answer, "kept": True, "sentence": sentence}
-    sentence = f"{variable}: {wanted} is kept most cheaply by {_described(own[first.chosen])}"
+    sentence = f"{variable}: {wanted} is kept fastest by {_described(own[first.chosen])}"
     if (smallest := own[chosen["smallest"].chosen]) is not own[first.chosen]:
         sentence += f"; the least storage is that of {_described(smallest)}"
     return {**answer, "kept": True, "sentence": f"{sentence}."}

@@ -1,5 +1,6 @@
 """Every surrogate and baseline on the snapshots between the training snapshots: error against cost."""
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -37,6 +38,7 @@ def compare(
     max_bytes: float | None = None,
     precisions: Sequence[str] | None = None,
     energy: float | None = None,
+    consistency: float = CONSISTENCY,
     seed: int = 0,
     seeds: int = 1,
     training_seconds: float | None = None,
@@ -46,14 +48,13 @@ def compare(
 
     variables: names, default the components of position and velocity. intervals: Δτ in s, default ten to two dense
     intervals. surrogates: names in `SURROGATES`, default all that answer between snapshots and need no training. Each
-    is fitted with n_lr modes (the least that hold `energy`, default 0.999, of fluid fields 0.99), with n_c (R_c up to
-    1.05) and with all; raw baselines have no modes. Positions whose velocities are stored are also compared on the
-    modes of both, the `enriched` basis: with as many as there are modes of positions, and where rates are used with
-    n_lr and with all; networks are not.
-    precisions: names in `PRECISIONS` in which all is kept beside that of the run, default integers of 16 and 8 bits.
-    Networks are trained with `seeds` seeds from `seed` on, each for `training_seconds` at most. max_error: RMSE, in
-    `error_unit`, a unit of the run or "d" for particle diameters; max_seconds: to reconstruct one snapshot; max_bytes:
-    to keep. progress is called with (done, all).
+    is fitted with n_lr modes (the least that hold `energy`, default 0.999, of fluid fields 0.99), with n_c (R_c to
+    `consistency`) and with all; raw baselines have no modes. Positions whose velocities are stored are also compared on
+    the modes of both, the `enriched` basis: with as many as there are modes of positions, and where rates are used with
+    n_lr and with all; networks are not. precisions: names in `PRECISIONS` in which all is kept beside that of the run,
+    default integers of 16 and 8 bits. Networks are trained with `seeds` seeds from `seed` on, each for
+    `training_seconds` at most. max_error: RMSE, in `error_unit`, a unit of the run or "d" for particle diameters;
+    max_seconds: to reconstruct one snapshot; max_bytes: to keep. progress is called with (done, all).
 
     The answer holds `rows`, one per variable, Δτ, surrogate, `basis` (None for raw baselines), n and `precision`, the
     widest first; `bases`, the decompositions and their cost; `left_out` with reasons; and with a limit `choice`, per
@@ -67,23 +68,27 @@ def compare(
     asked = default_variables(run) if variables is None else list(dict.fromkeys(variables))
     diameter, limits = mean_diameter(run), Limits(max_error, error_unit, max_seconds, max_bytes)
     check_limits(limits, {run.variable(name).unit for name in asked}, diameter)
-    criteria, effort = Criteria(energy, CONSISTENCY, precisions), Effort(seed, seeds, training_seconds)
+    criteria, effort = Criteria(energy, consistency, precisions), Effort(seed, seeds, training_seconds)
     _check(run, asked, criteria, effort)
     subsets, found = subsets_between(run, intervals), Comparison([], [], [])
     _compare_all(found, run, (asked, subsets, names), (criteria, effort), progress)
     if not found.rows:
         raise Refusal(f"nothing can be compared: {found.left_out[0]['reason']}")
-    energies = {name: criteria.energy_of(name) for name in asked}
-    settings = {"energy": criteria.energy_of(""), "energies": energies, "seed": seed, "seeds": seeds}
     return Tradeoff(
         task="between",
         kind="time",
         dense_interval=dense_interval(run.times),
-        **settings,
+        **_settings(criteria, effort, asked),
         diameter=diameter,
         **found._asdict(),
         **decided(found.rows, asked if limits.any else [], limits, diameter),
     )
+
+
+def _settings(criteria: Criteria, effort: Effort, variables: Sequence[str]) -> dict[str, Any]:
+    energies = {name: criteria.energy_of(name) for name in variables}
+    meant = {"energy": criteria.energy_of(""), "energies": energies, "consistency": criteria.consistency}
+    return {**meant, "seed": effort.seed, "seeds": effort.seeds}
 
 
 def decided(rows: Table, variables: Iterable[str], limits: Limits, diameter: float | None) -> dict[str, Any]:
@@ -96,6 +101,8 @@ def decided(rows: Table, variables: Iterable[str], limits: Limits, diameter: flo
 def _check(run: Run, variables: Sequence[str], criteria: Criteria, effort: Effort) -> None:
     if criteria.energy is not None and not 0 < criteria.energy <= 1:
         raise Refusal(f"energy is {criteria.energy:g}; it must be a share above 0 and at most 1, for example 0.999")
+    if not 1.0 < criteria.consistency < math.inf:
+        raise Refusal(f"consistency is {criteria.consistency:g}; it must be above 1 and finite, for example 1.05")
     for name in variables:
         precisions_from(run.variable(name).dtype.itemsize, criteria.precisions)
     if effort.seeds < 1:

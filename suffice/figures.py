@@ -15,7 +15,7 @@ from suffice.refusal import Refusal
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-INKS = {"sufficient": "#1a7f4b", "insufficient": "#b3362b", "undecidable": "#8a6100"}
+INKS = {"sufficient": "#187546", "insufficient": "#b3362b", "undecidable": "#8a6100"}
 
 
 def plot(result: Sweep | Candidate | Selection | Tradeoff | Basis | Convergence, axes: "Axes | None" = None) -> "Axes":

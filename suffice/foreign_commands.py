@@ -13,7 +13,7 @@ def import_(
     sources: Annotated[
         list[Path], typer.Argument(metavar="SOURCE...", help="files of one run, in any order; or an OpenFOAM case")
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN", help="such as run.h5")],
     format: Annotated[
         str | None, typer.Option(help="lammps, liggghts, vtk, openfoam, npz, hdf5; default: as the content tells")
     ] = None,

@@ -8,7 +8,7 @@ from suffice.wording import seconds_text
 WIDTH, HEIGHT = 360.0, 396.0
 LEFT, RIGHT = 40.0, 320.0  # of the axis of time, which spans two intervals
 MOST_BETWEEN = 3  # predictions drawn between two snapshots
-KEPT, BETWEEN = "var(--good,#1a7f4b)", "#3b8fd0"
+KEPT, BETWEEN = "var(--good,#187546)", "#3b8fd0"
 
 
 def idea_drawing(interval: float, dense: float, n_lr: int, n_c: int, limit: float) -> str:

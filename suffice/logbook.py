@@ -44,15 +44,13 @@ class Logbook:
     @contextmanager
     def timing(self) -> Iterator[None]:
         """Count the seconds of the block, those of compiling kernels, or of loading them, apart."""
-        timer: Any = event.TimingListener  # numba has no types
-        compiling, began = timer(), perf_counter()
+        began, spent = perf_counter(), [0.0]
         try:
-            with event.install_listener("numba:compiler_lock", compiling):
+            with compiling_seconds() as spent:
                 yield
         finally:
-            compiled = compiling.duration if compiling.done else 0.0
-            self.compiling += compiled
-            self.seconds += perf_counter() - began - compiled
+            self.compiling += sum(spent)
+            self.seconds += perf_counter() - began - sum(spent)
 
     def see(self, now: Snapshot) -> None:
         """Take the energies of an output time."""
@@ -98,6 +96,18 @@ class Logbook:
         for kind, (count, first) in warned.items():
             found.add(kind, first, count)
         return found
+
+
+@contextmanager
+def compiling_seconds() -> Iterator[list[float]]:
+    """Count the seconds of the block in which kernels are compiled, or loaded; they stand in the list at its end."""
+    timer: Any = event.TimingListener  # numba has no types
+    compiling, spent = timer(), list[float]()
+    try:
+        with event.install_listener("numba:compiler_lock", compiling):
+            yield spent
+    finally:
+        spent.append(compiling.duration if compiling.done else 0.0)
 
 
 def summed_up(run: AnyRun, logbook: Logbook, warned: Mapping[str, Counted], outcome: Outcome) -> Summary:

@@ -226,7 +226,7 @@ def _with_front(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def _choice(rows: Sequence[Mapping[str, Any]], asked: Sequence[str], limit: float) -> dict[str, Any]:
     """Name the cheapest row that keeps the limit."""
-    allowed = f"{100 * limit:g} % of {', '.join(asked)}"
+    allowed = f"{', '.join(asked)} within {100 * limit:g} %"
     kept = [row for row in rows if row["keeps"] and row["relative_cost"] < 1.0]
     if not kept:
         sentence = f"no variant that is cheaper than the scene itself keeps {allowed}"

@@ -7,7 +7,7 @@ from typing import Any
 
 from suffice.plots import COLOURS, QUIET, Figure, ticks
 from suffice.section import Section
-from suffice.wording import bytes_text, escape, number, seconds_text
+from suffice.wording import bytes_text, escape, number, seconds_text, threads_text
 
 Row = Mapping[str, Any]
 FRONT, TERMS, SPECTRUM = "front", "terms", "spectrum"
@@ -254,7 +254,7 @@ def _costs(answer: Mapping[str, Any]) -> str:
         "10⁶ a second",
         "a snapshot",
     ]
-    return _framed(f"cost on {answer['reference']['threads']} threads", titles, rows)
+    return _framed(f"cost on {threads_text(answer['reference']['threads'])}", titles, rows)
 
 
 def _said(row: Row) -> str:

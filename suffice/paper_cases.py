@@ -68,7 +68,7 @@ def case_stages(wish: Cases, seed: int | None, home: Path, folder: Path, reporte
     def written() -> str:
         paper = paper_of([_found(case) for case in cases], wish.variable)
         write_json(paper, str(folder / PAPER))
-        return str(paper["verdicts"][-1]["sentence"])
+        return str(paper["verdicts"][-1]["sentence"]).removesuffix(".")
 
     return [
         *(_simulating(case, seed, home, reporter) for case in cases),

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from suffice.paper_trials import Found, Row, candidate_at, decided_interval, solver_seconds
-from suffice.wording import number, plain_number, seconds_text, two_decimals
+from suffice.wording import number, plain_number, seconds_text, threads_text, two_decimals
 
 PAPER_PARTICLES = 500_000
 PAPER_INTERVAL = 0.004  # s, chosen for Case 2
@@ -44,8 +44,9 @@ def _particles(found: Found) -> Difference:
         whole = step * duration / found["select"]["dense_interval"]
         longer = whole * PAPER_PARTICLES / n
         why = (
-            f"{seconds_text(duration)} of {n:,} particles took {seconds_text(whole)} on {found['cost']['threads']} "
-            f"threads; {PAPER_PARTICLES:,} would take {longer / 3600:.3g} h by the number of particles alone"
+            f"{seconds_text(duration)} of {n:,} particles took {seconds_text(whole)} on "
+            f"{threads_text(found['cost']['threads'])}; {PAPER_PARTICLES:,} would take {longer / 3600:.3g} h by the "
+            "number of particles alone"
         )
     return Difference("particles in each case", f"{PAPER_PARTICLES:,}", f"{n:,}", why)
 
@@ -95,8 +96,8 @@ def _speed(found: Found, trial: Row) -> Difference:
     here = f"{plain_number(single)} single, {plain_number(batch)} in batch"
     steps, modes = round(dense / cost["time_step"]), trial["modes_of_positions"] or []
     why = (
-        f"solver: {steps} steps of {n:,} particles, {seconds_text(trial['solver_seconds'])} on {cost['threads']} "
-        f"threads; ROM, on {trial['rom_threads']}: "
+        f"solver: {steps} steps of {n:,} particles, {seconds_text(trial['solver_seconds'])} on "
+        f"{threads_text(cost['threads'])}; ROM, on {trial['rom_threads']}: "
         f"{' + '.join(map(str, modes))} modes of {n:,} rows, {seconds_text(trial['single_seconds'])} single and "
         f"{seconds_text(trial['batch_seconds'])} in batch. Both grow with the particles, so the ratio is one of steps "
         "and modes, and of the code and processor on either side, which are not the paper's"

@@ -33,7 +33,7 @@ def _insufficient(found: Found) -> list[Row]:
     rows = []
     for name, judged in found["select"]["variables"].items():
         if judged["chosen_interval"] is None:
-            best = max(judged["candidates"], key=lambda c: c["K_f"] or 0.0)
+            best = max(judged["candidates"], key=lambda c: (c["K_f"] or 0.0, -c["interval"]))
             rows.append({"variable": name, "K_f": best["K_f"], "interval": best["interval"]})
     return rows
 

@@ -104,7 +104,7 @@ def _by_rule(run: Run, wanted: Wanted, trained: Sequence[str], progress: Advance
     for name, found in table.items():
         judged = [c for c in found.candidates if c.K_f is not None]
         if found.chosen_interval is None and not (wanted.finest and judged):
-            best = max(judged, key=lambda c: c.K_f or 0.0, default=None)
+            best = max(judged, key=lambda c: (c.K_f or 0.0, -c.interval), default=None)
             reason = "K_f is undefined" if best is None else f"best K_f {number(best.K_f)} at {best.interval:g} s"
             refused.append(f"{name} ({reason})")
             continue

@@ -14,8 +14,14 @@ COLOURS = (
 )
 COARSE, MIDDLE, FINE = (217, 102, 43), (160, 95, 181), (31, 147, 168)  # colours of Δτ; readable on light and dark
 QUIET = "#8791a0"
+STEPS = (
+    (1,),
+    (1, 2, 5),
+    (1, 1.5, *range(2, 10)),
+    [k / 10 for k in range(10, 100)],
+)  # marks of a decade
 NOISE = 1e-14  # of the energy: below it 1 - I is the rounding of a sum
-ENERGIES = ("kinetic", "rotational", "potential", "elastic", "dissipated", "wall_work", "balance")
+ENERGIES = ("kinetic", "rotational", "potential", "elastic", "dissipated", "wall_work", "fluid_work", "balance")
 
 
 def consistency_figure(curves: Mapping[str, Any], judged: Sequence[Mapping[str, Any]], limit: float) -> Figure:
@@ -224,11 +230,21 @@ def level_across(y: float) -> Figure:
 
 
 def ticks(values: Iterable[Any], text: Callable[[float], str] = "{:.6g}".format) -> Figure:
-    """Put marks at 1, 2 and 5 times a power of ten, in plain figures; at the powers alone where there are many."""
+    """Put marks at 1, 2 and 5 times a power of ten, in plain figures; at the powers alone where there are many.
+
+    Three lie between the least and the largest value, at finer steps if need be: with fewer a scale cannot be read.
+    """
     known = [value for value in map(finite, values) if value is not None and value > 0]
     if not known:
         return {}
     low, high = math.floor(math.log10(min(known))), math.floor(math.log10(max(known)))
-    steps = (1, 2, 5) if high - low < 4 else (1,)
-    marks = [step * 10.0**power for power in range(low, high + 2) for step in steps]
+    marks = _at_steps(STEPS[1] if high - low < 4 else STEPS[0], low, high)
+    for steps in STEPS[2:] if max(known) > 1.1 * min(known) else ():  # of one value plotly shows two decades
+        if sum(min(known) <= mark <= max(known) for mark in marks) >= 3:
+            break
+        marks = [mark for mark in _at_steps(steps, low, high) if min(known) / 1.3 <= mark <= 1.3 * max(known)]
     return {"tickvals": marks, "ticktext": [text(mark) for mark in marks]}
+
+
+def _at_steps(steps: Sequence[float], low: int, high: int) -> list[float]:
+    return [float(f"{step}e{power}") for power in range(low, high + 2) for step in steps]

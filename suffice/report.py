@@ -1,6 +1,7 @@
 """The report of a study: one page that needs nothing but a browser."""
 
 import json
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -115,7 +116,8 @@ def _json(value: Any) -> str:
 def _html(section: Section, panel: str) -> str:
     # their order is that of the figures' keys
     pickers = "".join(_picker(name, options) for name, options in section.pickers.items())
-    figure = f'<div class="panel" id="{panel}"></div>' if section.figures else ""
+    label = escape(re.sub("<[^>]*>", "", section.title))
+    figure = f'<div class="panel" id="{panel}" role="figure" aria-label="{label}"></div>' if section.figures else ""
     title = f"<h2>{section.title}</h2>" if section.title else ""
     return (
         f"<section>{title}{section.body}"
@@ -227,10 +229,12 @@ def _error(results: Results) -> Section | None:
 
 
 def _ledger(results: Results) -> Section | None:
-    figure = ledger_figure(results.get("series") or {})
+    series = results.get("series") or {}
+    figure = ledger_figure(series)
     if figure is None:
         return None
-    text = "What the particles have and have lost, less the work of the walls, must balance: dashed, ideally zero."
+    givers = "the walls and of the fluid on them" if series.get("fluid_work") else "the walls"
+    text = f"What the particles have and have lost, less the work of {givers}, must balance: dashed, ideally zero."
     return Section("Energy ledger", _quiet(text), {"": figure})
 
 

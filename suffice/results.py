@@ -18,6 +18,7 @@ RUN, SELECTION, COMPARISON, LOG = "run.h5", "select.json", "compare.json", "stag
 UNSEEN, OMISSIONS, PAPER = "unseen.json", "omissions.json", "paper.json"  # of studies of several runs
 ONE_STEP = "one_step.json"  # of a study at full size
 LEDGER = "energy."
+FLUID_WORK = "fluid.work_on_particles"  # of the ledger, too
 
 
 class CaseFiles(NamedTuple):
@@ -129,7 +130,8 @@ def _of_one_run(run: Run) -> dict[str, Any]:
     found: dict[str, Any] = {"run": facts_of(run)}
     ledger = {name.removeprefix(LEDGER): s.tolist() for name, s in run.series.items() if name.startswith(LEDGER)}
     if ledger:
-        found["series"] = {"times": run.times.tolist(), **ledger}
+        work = {} if (done := run.series.get(FLUID_WORK)) is None else {"fluid_work": done.tolist()}
+        found["series"] = {"times": run.times.tolist(), **ledger, **work}
     return found
 
 

@@ -114,6 +114,12 @@ class Run:
             return {name: bytes(text).decode(errors="replace") for name, text in texts.items()}
 
     @cached_property
+    def _units(self) -> dict[str, str]:
+        """Units of this run that are not those of `QUANTITIES`, by variable; `import` writes them, a line each."""
+        named = (line.partition(" ") for line in self.provenance.get("units", "").splitlines())
+        return {name: unit for name, _, unit in named if unit}
+
+    @cached_property
     def found(self) -> dict[str, Any]:
         """What `simulate` found on the way, as its --json writes it: `in_situ`, `kept`; empty until a run has ended."""
         with _refusing_damage(self.path):
@@ -140,6 +146,7 @@ class Run:
         vector, _, letter = name.rpartition(".")
         whole, axis = (name, None) if name in self._datasets else (vector, AXES.index(letter))
         quantity = QUANTITIES[whole]
+        quantity = quantity._replace(unit=self._units.get(whole, quantity.unit))
         n = math.prod(self.grid.shape) if quantity.of_fluid and self.grid else self.n_particles
         return Variable(self._datasets[whole], quantity, axis, n, self.n_snapshots, self._check_length)
 

@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.table import Column, Table
 
 from suffice.wording import number
-from suffice.worth import FLOOR, heads_of, shown_error
+from suffice.worth import FLOOR, heads_of, shown_error, truth_text
 
 COLUMNS = 6  # of observables in one table
 
@@ -32,7 +32,7 @@ def _table(answer: Mapping[str, Any], heads: Mapping[str, str]) -> Table:
     rmse_head = "RMSE\n(d)" if answer["diameter"] else "RMSE\n(m)"
     shown = [head.replace(" ", "\n") for head in heads.values()]
     table = Table(Column("surrogate", no_wrap=True), "modes", rmse_head, *shown, title=title, padding=(0, 0))
-    truth = (number(what["truth"]) for what in described.values())
+    truth = (truth_text(what).replace(" ", "\n", 1) for what in described.values())
     table.add_row("truth", "", "", *truth, style="italic", end_section=True)
     for row in answer["rows"]:
         rmse = row["rmse_diameters"] if row["rmse_diameters"] is not None else row["rmse"]

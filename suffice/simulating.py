@@ -16,6 +16,7 @@ from suffice.checkpoint import read_checkpoint, remove_checkpoint, write_checkpo
 from suffice.door import InterruptedRunError
 from suffice.interrupt import asked_to_stop
 from suffice.lock import only_writer
+from suffice.logbook import compiling_seconds
 from suffice.progress import Reporter
 from suffice.provenance import made_otherwise, provenance_of
 from suffice.recording import Recorder, values_of
@@ -85,14 +86,16 @@ def _simulate(
     state = read_checkpoint(path) if resume else None
     stands, found, told = _what_stands(path, text, scene, watching) if resume else (0, {}, {})
     began = time.monotonic()
-    simulation = simulation_of(scene, read_start(scene))
-    if found or (watching == UNWATCHED and state is None and stands == simulation.snapshots):
-        return _cost(path, simulation, 0, time.monotonic() - began) | found | told
-    if state is None:
-        record = _new_record(path, text, simulation, watching)
-    else:
-        watch, tolerance = watching.by(simulation, _names_in(path)), watching.tolerance(simulation)
-        record = Recorder.resume(simulation, path, watch, tolerance, state)
+    with compiling_seconds() as compiled:  # packing and the first snapshot need most of the kernels
+        simulation = simulation_of(scene, read_start(scene))
+        if found or (watching == UNWATCHED and state is None and stands == simulation.snapshots):
+            return _cost(path, simulation, 0, time.monotonic() - began) | found | told
+        if state is None:
+            record = _new_record(path, text, simulation, watching)
+        else:
+            watch, tolerance = watching.by(simulation, _names_in(path)), watching.tolerance(simulation)
+            record = Recorder.resume(simulation, path, watch, tolerance, state)
+    record.logbook.compiling += sum(compiled)
     first = simulation.step
     with record.writer:
         try:

@@ -51,9 +51,12 @@ def reading_stage(source: Source, home: Path, run: Path, reporter: Reporter) -> 
 
 
 def _named(name: str, home: Path) -> list[Path]:
-    found = sorted(home.glob(name)) if "*" in name and not Path(name).is_absolute() else [home / name]
+    path = home / name
+    top = Path(path.anchor)  # of a path that is absolute; else none
+    found = sorted(top.glob(str(path.relative_to(top)))) if "*" in name else [path]
     if not found or not found[0].exists():
-        raise Refusal(f"source.files: {home / name} is not a file or folder; paths are relative to the study's folder")
+        kind = "no file matches" if "*" in name else "there is no file or folder"
+        raise Refusal(f"source.files: {kind} {path}; a path that is not absolute begins at the study's folder")
     return found
 
 

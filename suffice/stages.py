@@ -2,9 +2,9 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from sim import Scene, built_in_scenes, scene_text
 from suffice.checkpoint import checkpoint_path
@@ -16,6 +16,8 @@ from suffice.run import Run
 from suffice.simulating import changed_scene, simulate_to
 from suffice.starting import read_start, start_digest
 from suffice.wording import number
+
+Positive = Annotated[float, Field(gt=0.0)]
 
 
 class Settings(BaseModel):

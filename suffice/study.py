@@ -34,7 +34,8 @@ from suffice.section import Section
 from suffice.selecting import select_curves, select_json, select_run, thresholds_of
 from suffice.source import Source, reading_stage
 from suffice.speeds import Speeds, speed_stages
-from suffice.stages import Settings, Stage, scene_in, simulation_stage
+from suffice.stages import Positive, Settings, Stage, scene_in, simulation_stage
+from suffice.study_faults import faults_text
 
 LOGGED = {"digest", "outputs", "seconds", "detail", "made"}  # of each stage
 
@@ -42,9 +43,11 @@ LOGGED = {"digest", "outputs", "seconds", "detail", "made"}  # of each stage
 class Selecting(Settings):
     """What is judged."""
 
-    variables: list[str] | None = None
-    intervals: list[float] | None = Field(default=None, description="Δτ, s")
-    thresholds: dict[str, float] = Field(default={})
+    variables: list[str] | None = Field(default=None, description="such as position.x; absent: all components")
+    intervals: list[Positive] | None = Field(default=None, description="Δτ, s; absent: ten to two dense intervals")
+    thresholds: dict[str, float] = Field(
+        default={}, description="energy of n_lr modes, consistency R_c, feasibility K_f, resolution R_a"
+    )
 
 
 class Study(Settings):
@@ -89,7 +92,7 @@ def built_in_studies() -> dict[str, str]:
 def load_study(name_or_path: str) -> tuple[str, Study, Path]:
     """Return name, settings and folder of a study.
 
-    Raises Refusal for a file that is missing or not a study, naming the field at fault.
+    Raises Refusal for a file that is missing or not a study, naming the fields at fault.
     """
     built_in = built_in_studies()
     path = Path(name_or_path)
@@ -102,10 +105,7 @@ def load_study(name_or_path: str) -> tuple[str, Study, Path]:
             f"studies: {', '.join(built_in)}"
         ) from None
     except ValidationError as error:
-        found = error.errors(include_url=False)[0]
-        field = ".".join(map(str, found["loc"])) or "study"
-        message = found["msg"].removeprefix("Value error, ")
-        raise Refusal(f"study {name_or_path}: {field} = {found['input']!r}: {message}") from None
+        raise Refusal(f"study {name_or_path}: {faults_text(error, Study)}") from None
     except (ValueError, RecursionError) as error:  # no TOML; numbers or nesting beyond what Python reads
         raise Refusal(f"study {name_or_path}: not valid TOML: {error}") from None
     return (name_or_path, study, Path()) if name_or_path in built_in else (path.stem, study, path.parent)
@@ -220,7 +220,7 @@ def _select(settings: Selecting, folder: Path, reporter: Reporter) -> str:
 
 def _compare(study: Study, folder: Path, reporter: Reporter) -> str:
     with Run(folder / RUN) as run:
-        answer = compare_as_wished(run, study.compare, study.seed or 0, reporter)
+        answer = compare_as_wished(run, study.compare, study.select.thresholds, study.seed or 0, reporter)
     write_json(answer, str(folder / COMPARISON))
     warn_of_comparisons(reporter, answer, *answer["observables"], *answer["beyond"])
     return f"{len(answer['rows'])} surrogates trained and measured"

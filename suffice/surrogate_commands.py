@@ -33,7 +33,10 @@ def train(
         typer.Option(help="instead: the fewest bytes within this RMSE, such as 0.05d or 0.1m/s; one for each unit"),
     ] = None,
     finest: Annotated[bool, typer.Option("--finest", help="take the finest Δτ where none suffices")] = False,
-    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="DIR")] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="DIR", help="default ./VARIABLE-SURROGATE, of several ./RUN-SURROGATE"),
+    ] = None,
     modes: Annotated[int | None, typer.Option(help="their number; default n_c, no fewer than n_lr")] = None,
     energy: Annotated[float | None, typer.Option(help="that n_lr modes hold; default 0.999, fluid 0.99")] = None,
     seed: Seed = 0,
@@ -60,7 +63,7 @@ def predict(
     context: typer.Context,
     models: Annotated[list[Path], typer.Argument(metavar="MODEL...", help="folders that train wrote")],
     times: Annotated[str, typer.Option(metavar="A:B:S", help="first:last:step or a list, s")],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN", help="such as predicted.h5")],
     beyond: Annotated[bool, typer.Option("--beyond", help="answer outside the window of training, too")] = False,
     json: Json = None,
 ) -> None:

@@ -12,6 +12,15 @@ from suffice.wording import bytes_text, errors_text, number, seconds_text
 ENRICHED = "+ v: modes of positions and velocities; bold: no other choice beats it in error and cost"
 FOUND = ("in_situ", "kept", "summary")  # parts of an answer on a simulation that are told otherwise
 MARKS = {"sufficient": "green", "insufficient": "red", "undecidable": "yellow"}
+SECONDS = ("interval", "duration", "times", "window", "time_step", "seconds", "fit_seconds")
+UNITS = dict.fromkeys(SECONDS, "s") | {
+    "diameter": "m",
+    "velocity_rmse": "m/s",
+    "rmse_diameters": "d",
+    "bytes": "B",
+    "storage_bytes": "B",
+}
+ERRORS = ("rmse", "projection_rmse")  # in the unit of the variable
 SIGNS = {"sufficient": "✓", "undecidable": "?"}  # where colours are not seen
 
 
@@ -87,7 +96,7 @@ def _chosen(found: Mapping[str, Any]) -> str:
     limit = found["thresholds"]["feasibility"]
     chosen = found["chosen_interval"]
     if chosen is None:
-        best = max(found["candidates"], key=lambda c: c["K_f"] or 0.0)
+        best = max(found["candidates"], key=lambda c: (c["K_f"] or 0.0, -c["interval"]))
         promise = promise_text(found)
         best_text = f"best K_f {number(best['K_f'])} at {best['interval']:g} s"
         return f"not sufficient at any Δτ considered; {best_text}{promise and '; ' + promise}"
@@ -168,13 +177,15 @@ def show_combined(title: str, card: Mapping[str, Any]) -> None:
 
 
 def show_facts(title: str, facts: Mapping[str, Any]) -> None:
-    """Print names and values, one a line."""
+    """Print names and values with their units, one a line."""
     console = Console()
     console.print(title, style="bold", highlight=False, markup=False)
     width = max((len(name) for name in facts), default=0)
     for name, value in facts.items():
         several = isinstance(value, Sequence) and not isinstance(value, str)
         text = ", ".join(map(_plain, value)) if several else _plain(value)
+        if value not in (None, "") and (unit := facts.get("unit") if name in ERRORS else UNITS.get(name)):
+            text += f" {unit}"
         for k, line in enumerate(text.splitlines() or [""]):
             console.print(
                 f"  {(name if k == 0 else ''):<{width}}  {line}", highlight=False, markup=False, soft_wrap=True
@@ -183,4 +194,4 @@ def show_facts(title: str, facts: Mapping[str, Any]) -> None:
 
 def _plain(value: Any) -> str:
     """Return a value as people write it: 0.003, not 0.0029999999999999996."""
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return f"{value:.6g}" if isinstance(value, float) else "–" if value is None else str(value)

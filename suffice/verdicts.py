@@ -55,11 +55,14 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def deciding(found: Mapping[str, Any]) -> Mapping[str, Any] | None:
-    """Return the candidate that the verdict rests on: the chosen one, else the one of largest K_f; None of none."""
+    """Return the candidate that the verdict rests on: the chosen one, else the one of largest K_f; None of none.
+
+    Of several with that K_f, such as 0, it is the finest Δτ: it has most snapshots to tell by.
+    """
     candidates: Sequence[Mapping[str, Any]] = found.get("candidates") or []
     chosen = found.get("chosen_interval")
     at = [candidate for candidate in candidates if chosen is not None and candidate["interval"] == chosen]
-    return next(iter(at or sorted(candidates, key=lambda c: -(c.get("K_f") or 0.0))), None)
+    return next(iter(at or sorted(candidates, key=lambda c: (-(c.get("K_f") or 0.0), c["interval"]))), None)
 
 
 def promise_text(found: Mapping[str, Any]) -> str:

@@ -54,8 +54,13 @@ def _winner_row(entry: Mapping[str, Any]) -> str:
 
 def _raw_cell(entry: Mapping[str, Any]) -> str:
     name = escape(str(entry["raw"] or "–"))
-    against = "" if entry["raw_by"] is None else f" {100 * entry['raw_by']:+.3g} %"
+    against = "" if entry["raw_by"] is None else f" {_signed(100 * entry['raw_by'])} %"
     return f"<b>{name}</b>{against}" if entry["raw_wins"] else f"{name}{against}"
+
+
+def _signed(percent: float) -> str:
+    """Write a difference in percent; one that is rounding is none."""
+    return "±0" if abs(percent) < 5e-3 else f"{percent:+.3g}"
 
 
 def _level_cell(level: Mapping[str, Any] | None) -> str:
@@ -116,6 +121,11 @@ def heads_of(answer: Mapping[str, Any]) -> dict[str, str]:
     return {name: SHORT.get(name, name) + (f" ({unit})" if unit != "1" else "") for name, unit in units.items()}
 
 
+def truth_text(what: Mapping[str, Any]) -> str:
+    """Return the mean of an observable in the truth, with its unit where the head of its column has another."""
+    return number(what["truth"]) + ("" if what["unit"] == what["error_unit"] else f" {what['unit']}")
+
+
 def _table(answer: Mapping[str, Any]) -> str:
     described, rows = answer["observables"], answer["rows"]
     heads = heads_of(answer)
@@ -123,7 +133,7 @@ def _table(answer: Mapping[str, Any]) -> str:
         f'<th class="number" title="{escape(_title(described[name]))}">{"<br>".join(map(escape, _lines(text)))}</th>'
         for name, text in heads.items()
     )
-    truth = "".join(f'<td class="number">{number(what["truth"])}</td>' for what in described.values())
+    truth = "".join(f'<td class="number">{escape(truth_text(what))}</td>' for what in described.values())
     best = {name: _least(rows, name, what) for name, what in described.items()}
     body = "".join(_table_row(row, described, best) for row in rows)
     unit = "RMSE<br>(d)" if answer["diameter"] else "RMSE<br>(m)"

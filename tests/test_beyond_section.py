@@ -135,7 +135,7 @@ def test_plotly_accepts_every_figure_and_the_page_names_variables_steps_and_star
 
 def test_a_study_predicts_beyond_the_window_where_it_is_asked_to_and_trains_nothing_for_it(waves):
     wish = Comparing(variables=["position.x"], intervals=[0.004], surrogates=["linear"], beyond=[0.004])
-    (found,) = compare_as_wished(waves, wish, 0, Reporter(as_json=True))["beyond"]
+    (found,) = compare_as_wished(waves, wish, {}, 0, Reporter(as_json=True))["beyond"]
     assert found["interval"] == 0.004
     tried = {r["surrogate"] for r in found["rows"]} | {left["surrogate"] for left in found["left_out"]}
     assert tried == {name for name in SURROGATES if not is_trained(name)}

@@ -230,7 +230,7 @@ def test_with_a_limit_the_cheapest_row_that_keeps_it_is_chosen(wavy):
     assert choice["smallest"]["storage_bytes"] == min(r["storage_bytes"] for r in kept)
     as_true = [r for r in kept if r["rmse"] <= 1.01 * min(r["rmse"] for r in kept)]
     assert choice["most_accurate"]["storage_bytes"] == min(r["storage_bytes"] for r in as_true)
-    assert "an error of at most 0.0004 m (0.2 d) is kept most cheaply by" in choice["sentence"]
+    assert "an error of at most 0.0004 m (0.2 d) is kept fastest by" in choice["sentence"]
 
 
 def test_where_none_keeps_the_limit_the_sentence_says_so_and_names_the_closest(wavy):

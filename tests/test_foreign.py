@@ -107,6 +107,8 @@ def test_a_case_of_openfoam_gives_its_parcels_and_the_fields_of_its_box(unpacked
         assert run.times[0] == pytest.approx(0.005)
         assert np.allclose(run.radius, 0.00125, rtol=1e-7)
         assert "p/ρ" in run.provenance["notes"]
+        assert run.variable("fluid.pressure").unit == "m²/s²", "p/ρ is no pascal"
+        assert run.variable("fluid.velocity.x").unit == "m/s"
         assert run.grid.shape == (9, 3, 3)
         assert np.allclose(run.grid.origin, (-0.0075, -0.0075, 0.0), atol=1e-9)
         assert np.allclose(run.grid.spacing, 0.005, rtol=1e-6)

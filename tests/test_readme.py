@@ -1,6 +1,7 @@
 """What README and docs say is so: commands, options, keys of a scene, and Python that runs."""
 
 import re
+import tomllib
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Union, get_args, get_origin
@@ -10,11 +11,13 @@ import pytest
 import typer
 from pydantic import BaseModel
 
-from sim import parse_scene
+from selection import Thresholds
+from sim import parse_scene, scene_text
 from sim.assembly import walls_of
 from sim.filling import solid_fraction
 from sim.scene import Scene
 from suffice.__main__ import app
+from suffice.study import Study, built_in_studies
 
 TOP = Path(__file__).parents[1]
 PAGES = [TOP / "README.md", *sorted((TOP / "docs").glob("*.md"))]
@@ -36,6 +39,11 @@ def shown_commands(page):
 def test_readme_lists_the_commands_that_there_are():
     listed = re.findall(r"^\| `suffice (\w+)", (TOP / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
     assert listed == list(COMMANDS)
+
+
+def test_the_help_of_study_names_all_built_in_studies():
+    (named,) = [parameter.help for parameter in COMMANDS["study"].params if parameter.name == "name"]
+    assert sorted(named.partition("built in: ")[2].split(", ")) == sorted(built_in_studies())
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -148,3 +156,20 @@ def test_page_on_a_scene_of_ones_own_makes_its_vessel_and_beads_that_fit_into_it
     fraction = solid_fraction(scene, walls_of(scene), np.full(1000, 1e-3))
     vessel = 1.5 * 3**0.5 * 0.02**2 * 0.015  # m³, of a hexagonal prism
     assert fraction == pytest.approx(1000 * np.pi / 6 * 2e-3**3 / vessel, rel=0.01)
+
+
+def test_page_on_studies_names_every_key_that_a_study_knows():
+    text = (TOP / "docs" / "studies.md").read_text(encoding="utf-8")
+    keys = keys_of(Study) | set(Thresholds._fields)
+    assert {"max_error", "training_seconds", "snapshots_per_bin", "resolution"} <= keys
+    missing = {key for key in keys if not re.search(rf"[`\[.]{key}[`\].]", text)}
+    assert not missing
+
+
+def test_the_study_on_the_page_on_studies_is_one_whose_intervals_its_scene_allows():
+    (text,) = blocks(TOP / "docs" / "studies.md", "toml")
+    study = Study.model_validate(tomllib.loads(text))
+    dense = parse_scene(scene_text(study.scene)).output.interval
+    for interval in [*study.select.intervals, *study.compare.intervals, *study.compare.beyond]:
+        assert interval / dense == pytest.approx(round(interval / dense))
+        assert round(interval / dense) >= 2

@@ -10,8 +10,11 @@ from html.parser import HTMLParser
 import plotly.graph_objects as go
 import pytest
 
+from suffice.plots import ticks
 from suffice.refusal import Refusal
 from suffice.report import render, write_report
+from suffice.results import gather
+from suffice.store import RunWriter
 from suffice.verdicts import deciding
 from suffice.wording import bytes_text, number, seconds_text
 
@@ -224,6 +227,18 @@ def test_numbers_that_are_not_finite_are_gaps_in_a_line_and_not_broken_json(resu
     assert page.figure("modes n")["position.x"]["data"][0]["y"][4] is None  # n = 0 is not drawn
 
 
+def test_a_single_value_gets_no_more_marks_than_two_decades_can_hold():
+    assert len(ticks([1.0, 1.03])["tickvals"]) <= 6
+
+
+def test_every_figure_has_a_name_for_those_who_hear_the_page(results):
+    page = Page(render(results))
+    names = [attrs.get("aria-label") for _, attrs in page.tags if attrs.get("class") == "panel"]
+    assert len(names) == sum(map(bool, page.figures.values()))
+    assert "Consistency Rc(n)" in names
+    assert len(set(names)) == len(names)
+
+
 def test_plotly_accepts_every_figure(results):
     drawn = [figure for figures in Page(render(results)).figures.values() for figure in figures.values()]
     assert len(drawn) == 2 + 2 + 1 + 1 + 1 + 1
@@ -273,6 +288,33 @@ def test_the_spectrum_is_taken_from_the_curves_where_it_is_not_given(results):
 def test_energies_are_shown_as_changes_since_the_start(results):
     lines = {t["name"]: t["y"] for t in Page(render(results)).figure("time (s)")[""]["data"]}
     assert lines == {"kinetic": [0.0, 1.0], "balance": [0.0, 0.0]}
+
+
+def test_the_energies_drawn_of_a_wet_run_add_up_to_the_balance_that_is_drawn(tmp_path):
+    gained = {"energy.kinetic": 1.0, "energy.dissipated": 6.0, "energy.wall_work": 9.0, "fluid.work_on_particles": -2.0}
+    particles = {"ids": [0], "radius": [5e-4], "species": [1], "variables": ("position",), "provenance": {}}
+    with RunWriter(tmp_path / "run.h5", **particles, n_snapshots=2, series=[*gained, "energy.balance"]) as run:
+        for k in (0, 1):
+            run.append(
+                0.1 * k, {"position": [[0.0, 0.0, k]]}, {n: k * e for n, e in gained.items()} | {"energy.balance": 0.5}
+            )
+    page = Page(render(gather(tmp_path, "wet")))
+    change = {t["name"]: t["y"][1] for t in page.figure("time (s)")[""]["data"]}
+    held = change["kinetic"] + change["dissipated"]
+    assert held - change["wall work"] - change["fluid work"] == change["balance"] == 0.0
+    assert "less the work of the walls and of the fluid on them" in page.text
+
+
+def test_of_intervals_that_are_equally_bad_the_verdict_rests_on_the_finest():
+    found = [candidate(interval, 0, "insufficient") for interval in (0.05, 0.03, 0.01)]
+    assert deciding({"candidates": found, "chosen_interval": None})["interval"] == 0.01
+
+
+@pytest.mark.parametrize("values", [(0.036, 0.13), (0.5, 40.0), (3.1e-5, 3.6e-5), (1e-6, 1e3)])
+def test_at_least_three_marks_stand_between_the_ends_of_a_logarithmic_axis(values):
+    marks = ticks(values)
+    assert sum(values[0] <= mark <= values[1] for mark in marks["tickvals"]) >= 3
+    assert [float(text) for text in marks["ticktext"]] == marks["tickvals"]
 
 
 def test_the_verdict_rests_on_the_chosen_interval_or_on_the_largest_index(results):

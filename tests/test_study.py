@@ -186,6 +186,31 @@ def test_what_the_study_decides_is_what_select_and_compare_decide(folder, suffic
     assert json.loads((folder / "out" / "select.json").read_text())["select"] == chosen
 
 
+def test_n_lr_and_n_c_of_a_comparison_are_those_of_the_verdict_whatever_the_study_asks_of_them(folder):
+    text = STUDY.replace("[0.004, 0.002]", "[0.002]").replace("position.z", "position.x")
+    (folder / "my.toml").write_text(text + "[select.thresholds]\nenergy = 0.9\nconsistency = 1.5\n")
+    ran(folder)
+    found = {name: json.loads((folder / "out" / f"{name}.json").read_text()) for name in ("select", "compare")}
+    (judged,) = found["select"]["select"]["variables"]["position.x"]["candidates"]
+    counts = {row["modes"] for row in found["compare"]["rows"] if row["basis"] == "plain"}
+    assert {judged["n_lr"], judged["n_c"]} <= counts
+    assert (found["compare"]["energy"], found["compare"]["consistency"]) == (0.9, 1.5)
+
+
+def test_a_study_may_limit_an_error_in_the_unit_of_its_variables(folder):
+    replace(folder / "my.toml", "intervals = [0.002]\n", 'intervals = [0.002]\nmax_error = "0.1m/s"\n')
+    replace(folder / "my.toml", '["position.z"]', '["velocity.z"]')
+    ran(folder)
+    choice = json.loads((folder / "out" / "compare.json").read_text())["choice"]["velocity.z"]
+    assert "at most 0.1 m/s" in choice["sentence"]
+
+
+def test_files_of_a_source_may_be_named_by_a_pattern_from_the_root(tmp_path):
+    write_dump(tmp_path / "other.dump")
+    (tmp_path / "their.toml").write_text(SOURCE.replace("other.dump", str(tmp_path / "oth*.dump")))
+    assert ran(tmp_path, "their.toml")[0] == "import"
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
@@ -193,13 +218,27 @@ def test_what_the_study_decides_is_what_select_and_compare_decide(folder, suffic
         ("", "give either a scene or a table"),
         ('scene = "scene.toml"\n[source]\nfiles = ["a"]\n', "give either a scene or a table"),
         ("scene = 3", "scene = 3: Input should be a valid string"),
-        ('scene = "scene.toml"\ncolour = "red"\n', "colour = 'red': Extra inputs are not permitted"),
+        ('scene = "scene.toml"\ncolour = "red"\n', "colour = 'red': unknown key; there are scene, source, seed"),
         ('scene = "scene.toml"\nseed = -1\n', "seed = -1: Input should be greater than or equal to 0"),
         ('scene = "scene.toml"\n[compare]\nmax_error = -1.0\n', "compare.max_error = -1.0: Input should be greater"),
         ('scene = "scene.toml"\n[compare]\nmax_error = inf\n', "compare.max_error = inf: Input should be a finite"),
         ('scene = "scene.toml"\n[select]\nintervals = [nan]\n', "select.intervals.0 = nan: Input should be a finite"),
-        ("[source]\nfiles = []\n", r"source.files = \[\]: List should have at least 1 item"),
-        ('[source]\nfiles = ["no.dump"]\n', "source.files: .*no.dump is not a file or folder; paths are relative"),
+        (
+            'scene = "scene.toml"\n[select]\nintervals = [-1.0]\nvariable = ["position.x"]\n',
+            r"select.intervals.0 = -1.0: Input should be greater than 0 \(Δτ, s.*\); select.variable: unknown key; .* "
+            "variables, intervals, thresholds",
+        ),
+        (
+            'scene = "scene.toml"\n[compare]\nmax_error = "small"\n',
+            "max-error 'small': not an error; give diameters such as 0.05d",
+        ),
+        (
+            'scene = "scene.toml"\n[compare]\nmax_seconds = -1\n[compare.networks]\nvariables = ["position.x"]\n',
+            r"compare.max_seconds = -1: .* \(per snapshot, s\); compare.networks.intervals: it is missing \(Δτ, s\)$",
+        ),
+        ('[source]\nfiles = ["no/*.dump"]\n', r"source.files: no file matches .*no/\*.dump; a path that"),
+        ("[source]\nfiles = []\n", r"source.files: List should have at least 1 item"),
+        ('[source]\nfiles = ["no.dump"]\n', "source.files: there is no file or folder .*no.dump; a path that"),
         ('scene = "no_scene.toml"\n', "no such file or not a text .* built-in scenes: .*drum, .*mini_mill"),
         ('scene = "bad.toml"\n', "scene bad.toml: time: Field required"),
         (

@@ -3,12 +3,14 @@
 import json
 import warnings
 from shutil import copyfile
+from time import perf_counter
 
 import h5py
 import numpy as np
 import pytest
+from numba import config, njit
 
-from sim import LimitError, Simulation, parse_scene, scene_text
+from sim import LimitError, Simulation, parse_scene, scene_text, simulation_of
 from suffice import layout
 from suffice.progress import Reporter
 from suffice.refusal import Refusal
@@ -54,6 +56,21 @@ def test_what_was_put_in_is_what_moves_is_sprung_was_lifted_or_lost(whole):
     assert told["energy"]["residual"] == missing[-1]
     assert abs(told["energy"]["largest_residual"]) == np.abs(missing).max()
     assert abs(told["energy"]["largest_residual"]) < 1e-3 * told["energy"]["put_in"]
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason="nothing is compiled")
+def test_what_is_compiled_before_the_first_step_is_counted_as_compiling(beads, tmp_path, monkeypatch):
+    spent = []
+
+    def compiled_first(scene, start):
+        began = perf_counter()
+        njit(lambda x: x + 1.5)(1.0)
+        spent.append(perf_counter() - began)
+        return simulation_of(scene, start)
+
+    monkeypatch.setattr("suffice.simulating.simulation_of", compiled_first)
+    told, _, _ = summed_up(beads, tmp_path, until=0.001)
+    assert told["pace"]["compiling_seconds"] > 0.5 * spent[0]
 
 
 def test_every_list_made_after_the_first_is_counted(beads, tmp_path, monkeypatch):

@@ -110,3 +110,13 @@ def test_facts_stand_one_a_line_and_brackets_are_no_markup(capsys):
         "  scene      [contact]",
         "             stiffness = 1",
     ]
+
+
+def test_facts_are_shown_with_their_units_and_what_is_not_known_as_a_dash(capsys):
+    facts = {"unit": "m/s", "interval": 0.003, "window": [0.0, 0.2], "diameter": 1e-3, "rmse": 0.05, "grid": None}
+    show_facts("model", facts | {"storage_bytes": 700, "n_modes": 3})
+    said = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines()[1:])
+    assert said == {
+        "unit": "m/s", "interval": "0.003 s", "window": "0, 0.2 s", "diameter": "0.001 m", "rmse": "0.05 m/s",
+        "grid": "–", "storage_bytes": "700 B", "n_modes": "3",
+    }  # fmt: skip

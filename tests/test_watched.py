@@ -1,6 +1,7 @@
 """What the snapshots of surrogates are worth: whole snapshots between those kept, observed."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -190,6 +191,8 @@ def test_the_table_shows_the_truth_and_every_row(run, capsys, monkeypatch):
     said = capsys.readouterr().out
     for word in ("truth", "projection", "spline", "raw-linear", "kinetic", "left out: rotor_side"):
         assert word in said
+    (truth,) = re.findall("truth.*\n.*", said)
+    assert "m²/s² per particle" in " ".join(truth.split()) or "J" in truth, "the truth is no percentage"
     assert "…" not in said
 
 

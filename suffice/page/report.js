@@ -55,6 +55,15 @@
       panels.forEach(draw);
     });
   }
+  // paper cannot be scrolled: a table that is wider is set smaller
+  const paper = 620; // CSS pixels within a card on A4 or Letter
+  addEventListener("beforeprint", () => {
+    for (const table of document.querySelectorAll(".scroll > table")) {
+      table.style.width = "min-content";
+      table.style.setProperty("--shrink", Math.min(1, paper / table.offsetWidth));
+      table.style.width = "";
+    }
+  });
   const redraw = () => panels.forEach(draw);
   redraw();
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);

@@ -19,6 +19,7 @@ from suffice.readers.hdf5 import MAGIC
 from suffice.readers.jumps import Jumps
 from suffice.readers.names import parse_map
 from suffice.readers.openfoam import is_case, read_openfoam
+from suffice.readers.pieces import KINEMATIC_NOTE
 from suffice.readers.series import type_of
 from suffice.readers.text import open_text
 from suffice.readers.trajectory import Frame, Trajectory, followed
@@ -92,6 +93,8 @@ def import_run(
         "notes": "\n".join(notes),
         "suffice": version("suffice"),
     }
+    if KINEMATIC_NOTE in notes:
+        provenance["units"] = "fluid.pressure m²/s²"
     check_place(Path(output))
     with only_writer(Path(output)):
         n, found = _write(trajectory, clock, Path(output), diameter, precision, provenance, progress or _silent)

@@ -14,6 +14,7 @@ from suffice.readers.vtk_process import Piece
 from suffice.refusal import Refusal
 
 KINEMATIC = "[m2/s2]"  # p/ρ, as incompressible solvers of OpenFOAM write it
+KINEMATIC_NOTE = "pressure is p/ρ in m²/s², as incompressible solvers write it, not Pa"
 NO_PARTICLES = np.zeros(0, np.int64)
 PROCESSOR_BITS = 32  # id = processor · 2³² + number
 
@@ -100,7 +101,7 @@ def notes_of(chosen: Chosen) -> list[str]:
     called = [f"{what} from {' '.join(names)}" for what, names in chosen.used.items() if names != (what,)]
     notes = [", ".join(called)] if called else []
     if any(KINEMATIC in name for name in chosen.used.get("fluid.pressure", ())):
-        notes.append("pressure is p/ρ in m²/s², as incompressible solvers write it, not Pa")
+        notes.append(KINEMATIC_NOTE)
     return notes
 
 
