@@ -217,9 +217,9 @@ def basis_of(made: Modes, values: Array, total: float, energy: float, choice: Ch
         residuals=np.full(p, EPSILON * float(values[0])),
         total_energy=total,
         ratio=cumulative / total,
-        n_lr=_reach(cumulative, energy * total),
-        n_lr_paper=None if leading is None else _reach(cumulative, energy * leading),
-        n_lr_ritz=_reach(cumulative, energy * float(spectrum.ritz.sum())),
+        n_lr=reach(cumulative, energy * total),
+        n_lr_paper=None if leading is None else reach(cumulative, energy * leading),
+        n_lr_ritz=reach(cumulative, energy * float(spectrum.ritz.sum())),
         steps=0,
         route=choice.route,
         route_reason=choice.reason,
@@ -230,7 +230,7 @@ def basis_of(made: Modes, values: Array, total: float, energy: float, choice: Ch
     )
 
 
-def _reach(cumulative: Array, energy: float) -> int | None:
+def reach(cumulative: Array, energy: float) -> int | None:
     """How many modes hold this energy; None if all of them do not."""
     enough = cumulative >= energy
     return int(np.argmax(enough)) + 1 if enough.any() else None

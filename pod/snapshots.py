@@ -111,7 +111,7 @@ class SnapshotMatrix:
 
     @property
     def _height(self) -> int:
-        return min(max(TILE_VALUES // self.shape[1], 1), self.block_rows)
+        return min(max(TILE_VALUES // max(self.shape[1], 1), 1), self.block_rows)  # a view may be of no snapshot
 
     def _tiles(self, worker: int, workers: int, as_they_are: bool) -> Iterator[Tile]:
         motion = np.empty((self._height, self.shape[1]))

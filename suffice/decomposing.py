@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pod import ALONE, Basis, Ranks, SnapshotMatrix, enriched_pod, grown_gram, lanczos_convergence, lanczos_pod
+from pod import InputError as UnfitSnapshots
 from selection import InputError as UnfitIntervals
 from selection import dense_interval
 from selection.intervals import stride
@@ -107,7 +108,15 @@ def _grown(matrix: SnapshotMatrix, output: Path, card: dict[str, Any]) -> tuple[
                 f"--append: {output} was made with {name} {past.get(name)}, now it is {card[name]}; choose another "
                 "output, or leave --append out"
             )
-    return grown_gram(matrix, known), len(known)
+    if len(known) > matrix.shape[1]:
+        raise Refusal(
+            f"--append: {output} was made of {len(known)} snapshots, {past['run']} has {matrix.shape[1]} at this Δτ; "
+            "choose another output, or leave --append out"
+        )
+    try:
+        return grown_gram(matrix, known), len(known)
+    except UnfitSnapshots as error:
+        raise Refusal(f"--append: {output}: {error}; choose another output, or leave --append out") from None
 
 
 def _enriched(run: Run, wanted: Wanted, used: NDArray[np.intp], ranks: Ranks) -> tuple[Basis, dict[str, Any]]:

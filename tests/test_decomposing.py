@@ -133,6 +133,24 @@ def test_snapshots_are_appended_to_the_inner_products_that_stand_in_the_basis(so
     assert "was made with variable position, now it is velocity" in other.err
 
 
+def test_nothing_is_appended_to_a_basis_of_another_run_that_had_the_same_name(source, write_run, tmp_path, suffice):
+    output = tmp_path / "basis.h5"
+    common = ("decompose", source, "--variable", "position", "-o", output, "--append", "--json", "-")
+    assert suffice(*common).code == 0
+    with h5py.File(output, "r+") as file:  # as if everything had moved 1 % farther then
+        file["gram"][...] *= 1.01**2
+    before = output.read_bytes()
+    other = suffice(*common)
+    assert other.code == 2
+    assert "inner products of other snapshots" in other.err
+    assert "leave --append out" in other.err
+    write_run(source, n_snapshots=30)
+    shorter = suffice(*common)
+    assert shorter.code == 2
+    assert f"was made of 41 snapshots, {source} has 30" in shorter.err
+    assert output.read_bytes() == before
+
+
 def test_positions_are_enriched_by_velocities_where_that_errs_less(source, tmp_path, suffice):
     output = tmp_path / "basis.h5"
     answer = suffice(

@@ -86,3 +86,8 @@ def test_a_block_of_no_rows_is_refused(moving):
         SnapshotMatrix(moving, 0)
     with pytest.raises(InputError, match="groups"):
         SnapshotMatrix(moving).gram_groups(0)
+
+
+def test_a_view_of_no_snapshot_has_rows_and_no_columns(moving):
+    view = SnapshotMatrix(moving, 100).columns([])
+    assert [block.shape[1] for block in view.row_blocks()] == [0] * len(range(0, 999, 100))
