@@ -129,6 +129,8 @@ def lanczos_pod(
     if matrix.shape[1] < 2:
         raise InputError(f"snapshots: {matrix.shape[1]}; a decomposition needs at least 2")
     problem = Problem(*matrix.shape, modes, matrix.in_memory, matrix.ranks.size)
+    if not 0.0 < reconstructable <= 1.0:
+        raise InputError(f"reconstructable: {reconstructable}; give a share above 0 and at most 1, for example 0.999")
     choice = choose_route(problem, "gram" if route is None and gram is not None else route)
     operator = _operator(matrix, choice.route, gram)
     total = float(operator.energies.sum())

@@ -18,6 +18,7 @@ from suffice.lock import only_writer
 from suffice.refusal import Refusal
 from suffice.report import write_report
 from suffice.run import Run
+from suffice.selecting import thresholds_of
 from suffice.uneven import unfit
 
 
@@ -61,7 +62,7 @@ def _decompose(run: Run, output: Path, wanted: Wanted, ranks: Ranks) -> dict[str
         "n_rows": rows.shape[0],
         "ranks": ranks.size,
     }
-    gram = None
+    gram, energy = None, thresholds_of(wanted.variable).energy
     if wanted.velocities:
         basis, more = _enriched(run, wanted, used, ranks)
         card |= more
@@ -71,20 +72,21 @@ def _decompose(run: Run, output: Path, wanted: Wanted, ranks: Ranks) -> dict[str
             gram, card["snapshots_known"] = _grown(matrix, output, card)
         basis = lanczos_pod(
             matrix, energy=wanted.energy, modes=wanted.modes, tolerance=wanted.tolerance, error=wanted.error,
-            route=wanted.route, gram=gram,
+            reconstructable=energy, route=wanted.route, gram=gram,
         )  # fmt: skip
-    card = card_of(basis, {**card, "seconds": round(time.monotonic() - began, 3)})
+    seconds = round(time.monotonic() - began, 3)
+    card = card_of(basis, {**card, "seconds": seconds, "thresholds": {"energy": energy}})
     write_basis(output, basis, card, ranks, gram)
     if wanted.plot is not None and ranks.rank == 0:
         about = {key: card[key] for key in ("run", "n_rows", "n_snapshots", "lanczos_steps", "route", "reason")}
-        curves = {"convergence": {wanted.variable: _convergence(basis)}, "provenance": about}
+        curves = {"convergence": {wanted.variable: _convergence(basis, energy)}, "provenance": about}
         write_report({"study": f"{wanted.variable} of {run.path.name}", **curves}, wanted.plot)
     return card
 
 
-def _convergence(basis: Basis) -> dict[str, Any]:
+def _convergence(basis: Basis, energy: float) -> dict[str, Any]:
     """Return how the Lanczos ratio converged with the steps, in plain types (the paper's Figure 2)."""
-    found = lanczos_convergence(basis)
+    found = lanczos_convergence(basis, energy=energy)
     curves = {name: [float(x) for x in values] for name, values in found._asdict().items()}
     return {"modes": len(basis.values), **curves}
 

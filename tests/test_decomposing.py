@@ -9,9 +9,11 @@ import pytest
 from pod import InputError, lanczos_pod
 from suffice.basis_file import ARRAYS, read_card
 from suffice.decomposing import Wanted, decompose_run
+from suffice.quantities import Grid
 from suffice.refusal import Refusal
 from suffice.run import Run
 from suffice.selecting import select_run
+from suffice.store import RunWriter
 
 
 @pytest.fixture
@@ -50,6 +52,22 @@ def test_the_papers_least_reconstructable_mode_is_the_one_that_select_finds(writ
     assert candidate.n_lr_paper < candidate.n_lr
     assert (card["n_lr_paper"], card["n_lr"]) == (candidate.n_lr_paper, candidate.n_lr)
     assert card["n_lr_ritz"] == card["n_lr"]  # all are known, so the sum of those known is exact
+
+
+def test_the_least_mode_of_a_field_holds_the_energy_that_select_asks_of_fields(tmp_path):
+    times, shapes = 0.001 * np.arange(60), np.random.default_rng(0).standard_normal((4 * 5 * 6, 8))
+    motion = shapes @ (0.5 ** np.arange(8)[:, None] * np.sin(70.0 * np.arange(1, 9)[:, None] * times))
+    none = {"ids": np.zeros(0, int), "radius": np.zeros(0), "species": np.zeros(0, int), "provenance": {}}
+    grid = Grid((4, 5, 6), (0.0, 0.0, 0.0), (1e-3, 1e-3, 1e-3))
+    source = tmp_path / "run.h5"
+    with RunWriter(source, **none, n_snapshots=60, variables=("fluid.pressure",), grid=grid) as run:
+        for k, time in enumerate(times):
+            run.append(time, {"fluid.pressure": motion[:, k].reshape(4, 5, 6)})
+    card = decompose_run(source, tmp_path / "b.h5", Wanted("fluid.pressure", interval=0.002))
+    with Run(source) as run:
+        (candidate,) = select_run(run, ["fluid.pressure"], [0.002])["fluid.pressure"].candidates
+    assert card["n_lr"] == candidate.n_lr < card["n_modes"]  # modes are kept up to 0.999 of the energy
+    assert (card["thresholds"], card["energy_held"] >= 0.999) == ({"energy": 0.99}, True)
 
 
 def test_only_the_snapshots_of_the_interval_are_used(source, tmp_path):

@@ -243,3 +243,15 @@ def test_a_model_of_every_snapshot_takes_n_lr_modes_and_claims_no_error(source, 
     assert card["n_modes"] == card["n_lr"]
     left = W - load_model(tmp_path / "model").snapshots(times).T
     assert np.square(left).sum() <= 1.001e-3 * np.square(W - W.mean(axis=1, keepdims=True)).sum()
+
+
+def test_a_prediction_replaces_a_prediction_but_not_the_run_it_was_learnt_from(source, tmp_path, suffice):
+    trained(source, tmp_path / "model")
+    before = source.read_bytes()
+    asked = ("predict", tmp_path / "model", "--times", "0.001", "-o")
+    refused = suffice(*asked, source)
+    assert refused.code == 2
+    assert "holds a run that no model predicted" in refused.err
+    assert source.read_bytes() == before
+    for _ in range(2):
+        assert suffice(*asked, tmp_path / "made.h5").code == 0
