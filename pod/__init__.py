@@ -1,9 +1,9 @@
 """The modes of a set of snapshots, by Lanczos POD.
 
-Reading order: `snapshots` (the matrix W, read by tiles of rows), `gram` (its inner products), `lanczos` (eigenpairs
-from products), `orthonormal` (modes to rounding), `routes` and `truncation` (which product, how many modes), `basis`
-(`lanczos_pod` and what it returns), `convergence`, `growing` (more snapshots), `enriched` (positions and velocities),
-`ranks` (rows shared by processes).
+Reading order: `snapshots` (the matrix W, read by tiles of rows; `given` looks at what it is made of), `gram` (its inner
+products), `lanczos` (eigenpairs from products), `orthonormal` (modes to rounding), `routes` and `truncation` (which
+product, how many modes), `basis` (`lanczos_pod` and what it returns), `convergence`, `growing` (more snapshots),
+`enriched` (positions and velocities), `ranks` (rows shared by processes).
 """
 
 from pod.basis import Basis, lanczos_pod

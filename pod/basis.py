@@ -129,6 +129,8 @@ def lanczos_pod(
     if matrix.shape[1] < 2:
         raise InputError(f"snapshots: {matrix.shape[1]}; a decomposition needs at least 2")
     problem = Problem(*matrix.shape, modes, matrix.in_memory, matrix.ranks.size)
+    if not 0.0 < reconstructable <= 1.0:
+        raise InputError(f"reconstructable: {reconstructable}; give a share above 0 and at most 1, for example 0.999")
     choice = choose_route(problem, "gram" if route is None and gram is not None else route)
     operator = _operator(matrix, choice.route, gram)
     total = float(operator.energies.sum())
@@ -217,9 +219,9 @@ def basis_of(made: Modes, values: Array, total: float, energy: float, choice: Ch
         residuals=np.full(p, EPSILON * float(values[0])),
         total_energy=total,
         ratio=cumulative / total,
-        n_lr=_reach(cumulative, energy * total),
-        n_lr_paper=None if leading is None else _reach(cumulative, energy * leading),
-        n_lr_ritz=_reach(cumulative, energy * float(spectrum.ritz.sum())),
+        n_lr=reach(cumulative, energy * total),
+        n_lr_paper=None if leading is None else reach(cumulative, energy * leading),
+        n_lr_ritz=reach(cumulative, energy * float(spectrum.ritz.sum())),
         steps=0,
         route=choice.route,
         route_reason=choice.reason,
@@ -230,7 +232,7 @@ def basis_of(made: Modes, values: Array, total: float, energy: float, choice: Ch
     )
 
 
-def _reach(cumulative: Array, energy: float) -> int | None:
+def reach(cumulative: Array, energy: float) -> int | None:
     """How many modes hold this energy; None if all of them do not."""
     enough = cumulative >= energy
     return int(np.argmax(enough)) + 1 if enough.any() else None

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pod.basis import Basis, Spectrum, basis_of
+from pod.basis import Basis, Spectrum, basis_of, reach
 from pod.errors import InputError
 from pod.facts import facts_html, facts_text
 from pod.gram import Array
@@ -81,7 +81,9 @@ def enriched_pod(
 
     positions, velocities: (rows, N_t) in m and m/s, any row sources; training: indices of evenly spaced snapshots;
     interval: Δτ, s, between them; those in between are held out. modes: their number, default as many as there are
-    training snapshots. The mean is that of the training positions, and so is the total energy of the result.
+    training snapshots. Mean and total energy of the result are those of the training positions, and `ratio` and `n_lr`
+    say how much of that energy the modes hold; `values` are the λ of positions and velocities together, of which the
+    paper's denominators mean nothing, so that `n_lr_paper` and `n_lr_ritz` are None.
     Raises InputError where nothing is held out, shapes differ, or nothing moves.
     """
     chosen = np.asarray(training, dtype=np.intp)
@@ -107,7 +109,15 @@ def enriched_pod(
     choice = Choice("gram", f"inner products of positions and velocities, ω = {tried[best]:g}")
     made = modes_of(joined, combined, mean)
     basis = basis_of(made, values, total, reconstructable, choice, Spectrum(values, len(columns)))
-    return Enriched(basis, float(tried[best]), tried, errors, between)
+    held = np.square(products[np.ix_(chosen, columns)] @ vectors).mean(axis=0)
+    return Enriched(_of_positions(basis, held, reconstructable), float(tried[best]), tried, errors, between)
+
+
+def _of_positions(basis: Basis, held: Array, energy: float) -> Basis:
+    """Basis whose shares of energy are those of the positions; held: (p,) energy of the positions in each mode."""
+    cumulative = np.cumsum(held[: len(basis.values)])
+    n_lr = reach(cumulative, energy * basis.total_energy)
+    return basis._replace(ratio=cumulative / basis.total_energy, n_lr=n_lr, n_lr_paper=None, n_lr_ritz=None)
 
 
 def _columns(size: int, n: int, training: NDArray[np.intp]) -> tuple[Array, NDArray[np.intp]]:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
 from pod.errors import InputError
+from pod.given import checked_columns, checked_weights, real
 from pod.gram import Array, Parts, compute_device, gram_parts
 from pod.ranks import ALONE, Ranks
 from pod.workers import Tile, in_parallel, sum_of, workers_for
@@ -58,21 +59,21 @@ class SnapshotMatrix:
         ranks: Ranks = ALONE,
         device: str | None = None,
     ) -> None:
-        if len(source.shape) != 2 or 0 in source.shape:
-            raise InputError(
-                f"snapshots: shape {tuple(source.shape)}; give a matrix (rows, snapshots) with both above 0"
-            )
+        shape = tuple(getattr(source, "shape", ()))
+        if len(shape) != 2 or 0 in shape:
+            kind = type(source).__name__
+            raise InputError(f"snapshots: {kind} of shape {shape}; give a matrix (rows, snapshots) with both above 0")
         if block_rows is not None and block_rows < 1:
             raise InputError(f"block_rows: {block_rows}; give at least 1 row, or None")
         self._source = source
-        self._columns = None if columns is None else np.asarray(columns, dtype=np.intp)
+        self._columns = None if columns is None else checked_columns(columns, int(source.shape[1]))
         n_times = int(source.shape[1]) if self._columns is None else len(self._columns)
         self.shape: tuple[int, int] = (int(source.shape[0]), n_times)
         self.rows_per_particle = int(getattr(source, "rows_per_particle", 1))
         self.block_rows = block_rows or max(BLOCK_VALUES // int(source.shape[1]), 1)
         self.device = compute_device(device)
         self.ranks, self.own = ranks, ranks.share(self.shape[0], self.rows_per_particle)
-        self.weights = None if weights is None else _checked_weights(weights, self.shape[0])
+        self.weights = None if weights is None else checked_weights(weights, self.shape[0])
         self.near = False  # whether positions are known to be no more than some times the motion
 
     @property
@@ -87,7 +88,7 @@ class SnapshotMatrix:
 
     def columns(self, indices: Sequence[int] | NDArray[np.intp]) -> "SnapshotMatrix":
         """View of some of the snapshots, in the order given."""
-        chosen = np.asarray(indices, dtype=np.intp)
+        chosen = checked_columns(indices, self.shape[1])
         if self._columns is not None:
             chosen = self._columns[chosen]
         return SnapshotMatrix(
@@ -111,7 +112,7 @@ class SnapshotMatrix:
 
     @property
     def _height(self) -> int:
-        return min(max(TILE_VALUES // self.shape[1], 1), self.block_rows)
+        return min(max(TILE_VALUES // max(self.shape[1], 1), 1), self.block_rows)  # a view may be of no snapshot
 
     def _tiles(self, worker: int, workers: int, as_they_are: bool) -> Iterator[Tile]:
         motion = np.empty((self._height, self.shape[1]))
@@ -153,7 +154,7 @@ class SnapshotMatrix:
 
     def _rows(self, start: int, count: int) -> NDArray[Any]:
         values = self._source[start : min(start + count, self.own.stop)]
-        block = np.asarray(values.detach().cpu().numpy() if isinstance(values, Tensor) else values)
+        block = real(values.detach().cpu().numpy() if isinstance(values, Tensor) else values)
         return block if self._columns is None else block[:, _as_slice(self._columns)]
 
     def gram(self) -> Array:
@@ -261,16 +262,6 @@ class SnapshotMatrix:
                 "repair the run or leave the snapshot out"
             )
         return block
-
-
-def _checked_weights(weights: ArrayLike, rows: int) -> Array:
-    found = np.asarray(weights, dtype=np.float64)
-    if found.shape != (rows,):
-        raise InputError(f"weights: shape {found.shape}; give one per row, ({rows},)")
-    if not (np.isfinite(found) & (found > 0.0)).all():
-        row = int(np.argmin(np.isfinite(found) & (found > 0.0)))
-        raise InputError(f"weights: {found[row]} at row {row}; give positive ones, or leave the row out")
-    return found
 
 
 def _as_slice(columns: NDArray[np.intp]) -> "slice | NDArray[np.intp]":

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -28,8 +29,8 @@ def checked(criterion: Truncation) -> Truncation:
         raise InputError("energy, modes, tolerance, error: more than one is given; give one")
     if energy is not None and not 0 < energy <= 1:
         raise InputError(f"energy: {energy}; give a share above 0 and at most 1, for example 0.999")
-    if modes is not None and modes < 1:
-        raise InputError(f"modes: {modes}; give at least 1")
+    if modes is not None and not (isinstance(modes, int | np.integer) and modes >= 1):
+        raise InputError(f"modes: {modes}; give at least 1, a whole number")
     for name, value in (("tolerance", tolerance), ("error", error)):
         if value is not None and not value > 0:
             raise InputError(f"{name}: {value}; give a positive RMSE in the unit of the snapshots")

@@ -44,6 +44,8 @@ class ArraySnapshots:
     """
 
     def __init__(self, array: Any, rows_per_particle: int = 1, block_rows: int = 16384) -> None:
+        if np.ma.is_masked(array) or np.iscomplexobj(array):
+            raise InputError("W: complex or masked values; give real ones, and fill or leave out what is masked")
         self._array = np.asarray(array)
         if self._array.ndim != 2:
             raise InputError(f"W: {self._array.ndim} dimension(s); give a matrix (rows, snapshots)")

@@ -83,8 +83,13 @@ def candidates(times: ArrayLike, intervals: Sequence[float] | None) -> list[Subs
     """
     dense, n = dense_interval(times), np.size(np.asarray(times))
     wanted = default_intervals(times) if intervals is None else [float(i) for i in intervals]
+    if not wanted and intervals is None:
+        raise InputError(
+            f"times: {n} snapshots, the run is too short; a Δτ of two dense intervals, the least that can be judged, "
+            "needs at least 3, in practice 100 or more; record more"
+        )
     if not wanted:
-        raise InputError("intervals: none given or the run is too short; give at least one Δτ in seconds")
+        raise InputError("intervals: none given; give at least one Δτ in seconds")
     by_stride = {stride(i, dense, n): i for i in wanted}
     subsets = []
     for k in sorted(by_stride, reverse=True):

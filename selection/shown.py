@@ -25,7 +25,7 @@ def chosen_text(candidates: Sequence["Candidate"], chosen_interval: float | None
     """Say which Δτ the paper's rule chooses, or how far the best one is from it."""
     known = [candidate for candidate in candidates if candidate.K_f is not None]
     if not known:
-        return "K_f is not defined at any Δτ considered"
+        return f"K_f is not defined at any Δτ considered: {'; '.join(candidates[0].reasons)}"
     chosen = next((c for c in known if c.interval == chosen_interval), None)
     if chosen is None:
         best = max(known, key=lambda c: (c.K_f or 0.0, -c.interval))

@@ -19,6 +19,7 @@ from pod import (
     lanczos_convergence,
     lanczos_pod,
 )
+from pod import InputError as UnfitSnapshots
 from selection import InputError as UnfitIntervals
 from selection import dense_interval
 from selection.intervals import stride
@@ -29,6 +30,7 @@ from suffice.refusal import Refusal
 from suffice.report import write_report
 from suffice.rows import Counted, Variable
 from suffice.run import Run
+from suffice.selecting import thresholds_of
 from suffice.uneven import unfit
 
 
@@ -78,7 +80,7 @@ def _decompose(run: Run, output: Path, wanted: Wanted, ranks: Ranks, advance: Ad
         "n_rows": rows.shape[0],
         "ranks": ranks.size,
     }
-    gram = None
+    gram, energy = None, thresholds_of(wanted.variable).energy
     if wanted.velocities:
         basis, more = _enriched(run, source, wanted, used, ranks)
         card |= more
@@ -88,20 +90,21 @@ def _decompose(run: Run, output: Path, wanted: Wanted, ranks: Ranks, advance: Ad
             gram, card["snapshots_known"] = _grown(matrix, output, card)
         basis = lanczos_pod(
             matrix, energy=wanted.energy, modes=wanted.modes, tolerance=wanted.tolerance, error=wanted.error,
-            route=wanted.route, gram=gram,
+            reconstructable=energy, route=wanted.route, gram=gram,
         )  # fmt: skip
-    card = card_of(basis, {**card, "seconds": round(time.monotonic() - began, 3)})
+    seconds = round(time.monotonic() - began, 3)
+    card = card_of(basis, {**card, "seconds": seconds, "thresholds": {"energy": energy}})
     write_basis(output, basis, card, ranks, gram)
     if wanted.plot is not None and ranks.rank == 0:
         about = {key: card[key] for key in ("run", "n_rows", "n_snapshots", "lanczos_steps", "route", "reason")}
-        curves = {"convergence": {wanted.variable: _convergence(basis)}, "provenance": about}
+        curves = {"convergence": {wanted.variable: _convergence(basis, energy)}, "provenance": about}
         write_report({"study": f"{wanted.variable} of {run.path.name}", **curves}, wanted.plot)
     return card
 
 
-def _convergence(basis: Basis) -> dict[str, Any]:
+def _convergence(basis: Basis, energy: float) -> dict[str, Any]:
     """Return how the Lanczos ratio converged with the steps, in plain types (the paper's Figure 2)."""
-    found = lanczos_convergence(basis)
+    found = lanczos_convergence(basis, energy=energy)
     curves = {name: [float(x) for x in values] for name, values in found._asdict().items()}
     return {"modes": len(basis.values), **curves}
 
@@ -125,7 +128,15 @@ def _grown(matrix: SnapshotMatrix, output: Path, card: dict[str, Any]) -> tuple[
                 f"--append: {output} was made with {name} {past.get(name)}, now it is {card[name]}; choose another "
                 "output, or leave --append out"
             )
-    return grown_gram(matrix, known), len(known)
+    if len(known) > matrix.shape[1]:
+        raise Refusal(
+            f"--append: {output} was made of {len(known)} snapshots, {past['run']} has {matrix.shape[1]} at this Δτ; "
+            "choose another output, or leave --append out"
+        )
+    try:
+        return grown_gram(matrix, known), len(known)
+    except UnfitSnapshots as error:
+        raise Refusal(f"--append: {output}: {error}; choose another output, or leave --append out") from None
 
 
 def _share(rows: Variable, ranks: Ranks) -> int:

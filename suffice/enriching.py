@@ -5,7 +5,7 @@ from time import perf_counter
 import numpy as np
 
 from pod import enriched_pod
-from suffice.reconstruction import Array, Case, Reduced, reduced_on
+from suffice.reconstruction import Case, Reduced, reduced_on
 
 WEIGHT = 1 / np.sqrt(39.0)  # of the velocities, see below
 
@@ -25,13 +25,4 @@ def reduce_enriched(case: Case, energy: float) -> Reduced:
     found = enriched_pod(
         case.values, case.rates, case.training.tolist(), interval, modes=most, weights=[WEIGHT], reconstructable=energy
     )
-    seconds = perf_counter() - begin
-    reduced = reduced_on(found.basis, case, seconds)
-    held = np.square(reduced.coefficients[case.training]).mean(axis=0)
-    return reduced._replace(basis=found.basis._replace(n_lr=_holding(held, energy * found.basis.total_energy)))
-
-
-def _holding(energies: Array, wanted: float) -> int | None:
-    """How many modes hold this energy; None if all of them do not."""
-    enough = np.cumsum(energies) >= wanted
-    return int(np.argmax(enough)) + 1 if enough.any() else None
+    return reduced_on(found.basis, case, perf_counter() - begin)

@@ -15,6 +15,7 @@ from suffice.model import Model
 from suffice.progress import Reporter
 from suffice.quantities import AXES, QUANTITIES, whole_of
 from suffice.refusal import Refusal
+from suffice.run import Run
 from suffice.store import RunWriter, check_place
 from suffice.wording import seconds_text
 from surrogates.surrogate import EDGE
@@ -53,6 +54,7 @@ def predict_run(
     models = [model for folder in folders for model in load_models(folder)]
     parts = _quantities(models)
     check_place(output)
+    _keep_runs(output)
     first = models[0]
     for model in models:
         model.surrogate.predict(times, beyond=beyond)  # refuses a time outside the window before a file is made
@@ -87,6 +89,15 @@ def predict_run(
         "models": [str(folder) for folder in folders],
         "beyond_the_window": int(outside),
     }
+
+
+def _keep_runs(output: Path) -> None:
+    """Refuse to replace a run that was simulated or imported, perhaps the one that the models were trained on."""
+    if not output.exists():
+        return
+    with Run(output) as run:
+        if "predicted" not in run.provenance:
+            raise Refusal(f"output {output} holds a run that no model predicted; choose another name or remove it")
 
 
 def _quantities(models: Sequence[Model]) -> dict[str, list[Model]]:

@@ -97,8 +97,12 @@ def _chosen(found: Mapping[str, Any]) -> str:
     chosen = found["chosen_interval"]
     if chosen is None:
         best = max(found["candidates"], key=lambda c: (c["K_f"] or 0.0, -c["interval"]))
+        if best["K_f"] is None:
+            return f"undecidable at any Δτ considered: {'; '.join(best['reasons'])}"
         promise = promise_text(found)
         best_text = f"best K_f {number(best['K_f'])} at {best['interval']:g} s"
+        if best["verdict"] == "undecidable":
+            best_text += f" (undecidable: {best['reasons'][0]})"
         return f"not sufficient at any Δτ considered; {best_text}{promise and '; ' + promise}"
     candidate = next(c for c in found["candidates"] if c["interval"] == chosen)
     index = f"K_f {number(candidate['K_f'])} ≥ {limit:g}"
@@ -182,8 +186,12 @@ def show_facts(title: str, facts: Mapping[str, Any]) -> None:
     console.print(title, style="bold", highlight=False, markup=False)
     width = max((len(name) for name in facts), default=0)
     for name, value in facts.items():
-        several = isinstance(value, Sequence) and not isinstance(value, str)
-        text = ", ".join(map(_plain, value)) if several else _plain(value)
+        if isinstance(value, Mapping):
+            text = ", ".join(f"{key}: {_plain(one)}" for key, one in value.items())
+        elif isinstance(value, Sequence) and not isinstance(value, str):
+            text = ", ".join(map(_plain, value))
+        else:
+            text = _plain(value)
         if value not in (None, "") and (unit := facts.get("unit") if name in ERRORS else UNITS.get(name)):
             text += f" {unit}"
         for k, line in enumerate(text.splitlines() or [""]):

@@ -37,7 +37,7 @@ class Wish(NamedTuple):
     variable: str
     interval: float  # s, Δτ
     surrogate: str
-    modes: int | None = None  # default n_c, but no fewer than n_lr
+    modes: int | None = None  # default n_c, but no fewer than n_lr; n_lr where n_c is not defined
     energy: float = 0.999
     seed: int = 0
     max_seconds: float | None = None
@@ -62,7 +62,7 @@ def train_model(run: Run, folder: Path, wish: Wish, reporter: Reporter) -> dict[
         reduced = reduce(case, wish.energy)
     except UnfitSnapshots as error:
         raise Refusal(f"{wish.variable}: {error}") from None
-    n_c = consistent_level(reduced, case, CONSISTENCY)
+    n_c = consistent_level(reduced, case, CONSISTENCY) if len(unseen) else None  # R_c is 1 by construction
     n = _modes(wish, reduced, n_c)
     surrogate = _fitted(wish, case, reduced, n, folder, reporter)
     model = _model(run, wish, case, reduced, surrogate, (n, n_c))
@@ -85,11 +85,14 @@ def _subset(run: Run, interval: float) -> Subset:
     return subset
 
 
-def _modes(wish: Wish, reduced: Reduced, n_c: int) -> int:
-    """Return the number of modes asked for, or as many as are consistent, but no fewer than hold the energy."""
+def _modes(wish: Wish, reduced: Reduced, n_c: int | None) -> int:
+    """Return the number of modes asked for, or as many as are consistent, but no fewer than hold the energy.
+
+    n_c is None where nothing lies between the snapshots: then as many as hold the energy.
+    """
     full = reduced.basis.modes.shape[1]
     if wish.modes is None:
-        return max(n_c, reduced.basis.n_lr or full)
+        return max(n_c or 0, reduced.basis.n_lr or full)
     if not 1 <= wish.modes <= full:
         raise Refusal(f"--modes is {wish.modes}; these snapshots have {full} modes, give 1 to {full}")
     return wish.modes
@@ -119,7 +122,9 @@ def _fitted(wish: Wish, case: Case, reduced: Reduced, n: int, folder: Path, repo
         ) from None
 
 
-def _model(run: Run, wish: Wish, case: Case, reduced: Reduced, surrogate: Surrogate, levels: tuple[int, int]) -> Model:
+def _model(
+    run: Run, wish: Wish, case: Case, reduced: Reduced, surrogate: Surrogate, levels: tuple[int, int | None]
+) -> Model:
     """Model with what is known about its errors."""
     n, n_c = levels
     basis, variable = reduced.basis, run.variable(wish.variable)

@@ -90,6 +90,8 @@ def _item(name: str, found: Mapping[str, Any]) -> str:
         if left := errors_text(candidate, str(found.get("unit") or "")):
             modes = f"{_count(candidate.get('n_lr'))} … {_count(candidate.get('n_c'))} modes"
             sentence += f"; at unseen times {modes} leave {escape(left)}"
+    elif candidate.get("K_f") is None:
+        sentence = "K<sub>f</sub> is <b>not defined at any Δτ considered</b>"
     else:
         sentence = f"<b>not sufficient at any Δτ considered</b>; the best is {K_f} at {interval}, {limit} is needed"
     if promise := promise_text(found):

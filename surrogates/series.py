@@ -86,6 +86,10 @@ def _check_increasing(times: NDArray[np.float64]) -> None:
 
 
 def _table(field: str, given: ArrayLike, snapshots: int, copy: bool) -> Array:
+    if np.ma.is_masked(given) or np.iscomplexobj(given):
+        raise InputError(
+            f"{field} holds complex or masked values; give real ones, and fill or leave out what is masked"
+        )
     table = np.asarray(given)
     if not copy and np.issubdtype(table.dtype, np.floating):
         kept: Array = table

@@ -10,9 +10,11 @@ from pod import InputError, lanczos_pod
 from suffice.basis_file import ARRAYS, read_card
 from suffice.decomposing import Wanted, decompose_run
 from suffice.progress import Reporter
+from suffice.quantities import Grid
 from suffice.refusal import Refusal
 from suffice.run import Run
 from suffice.selecting import select_run
+from suffice.store import RunWriter
 
 
 @pytest.fixture
@@ -65,6 +67,22 @@ def test_progress_counts_rows_up_to_the_last_of_whole_passes_and_changes_nothing
     decompose_run(source, tmp_path / "silent.h5", wanted)
     for name, values in stored(tmp_path / "shown.h5").items():
         assert (values == stored(tmp_path / "silent.h5")[name]).all(), name
+
+
+def test_the_least_mode_of_a_field_holds_the_energy_that_select_asks_of_fields(tmp_path):
+    times, shapes = 0.001 * np.arange(60), np.random.default_rng(0).standard_normal((4 * 5 * 6, 8))
+    motion = shapes @ (0.5 ** np.arange(8)[:, None] * np.sin(70.0 * np.arange(1, 9)[:, None] * times))
+    none = {"ids": np.zeros(0, int), "radius": np.zeros(0), "species": np.zeros(0, int), "provenance": {}}
+    grid = Grid((4, 5, 6), (0.0, 0.0, 0.0), (1e-3, 1e-3, 1e-3))
+    source = tmp_path / "run.h5"
+    with RunWriter(source, **none, n_snapshots=60, variables=("fluid.pressure",), grid=grid) as run:
+        for k, time in enumerate(times):
+            run.append(time, {"fluid.pressure": motion[:, k].reshape(4, 5, 6)})
+    card = decompose_run(source, tmp_path / "b.h5", Wanted("fluid.pressure", interval=0.002))
+    with Run(source) as run:
+        (candidate,) = select_run(run, ["fluid.pressure"], [0.002])["fluid.pressure"].candidates
+    assert card["n_lr"] == candidate.n_lr < card["n_modes"]  # modes are kept up to 0.999 of the energy
+    assert (card["thresholds"], card["energy_held"] >= 0.999) == ({"energy": 0.99}, True)
 
 
 def test_only_the_snapshots_of_the_interval_are_used(source, tmp_path):
@@ -146,6 +164,24 @@ def test_snapshots_are_appended_to_the_inner_products_that_stand_in_the_basis(so
     other = suffice("decompose", source, "--variable", "velocity", "-o", output, "--append")
     assert other.code == 2
     assert "was made with variable position, now it is velocity" in other.err
+
+
+def test_nothing_is_appended_to_a_basis_of_another_run_that_had_the_same_name(source, write_run, tmp_path, suffice):
+    output = tmp_path / "basis.h5"
+    common = ("decompose", source, "--variable", "position", "-o", output, "--append", "--json", "-")
+    assert suffice(*common).code == 0
+    with h5py.File(output, "r+") as file:  # as if everything had moved 1 % farther then
+        file["gram"][...] *= 1.01**2
+    before = output.read_bytes()
+    other = suffice(*common)
+    assert other.code == 2
+    assert "inner products of other snapshots" in other.err
+    assert "leave --append out" in other.err
+    write_run(source, n_snapshots=30)
+    shorter = suffice(*common)
+    assert shorter.code == 2
+    assert f"was made of 41 snapshots, {source} has 30" in shorter.err
+    assert output.read_bytes() == before
 
 
 def test_positions_are_enriched_by_velocities_where_that_errs_less(source, tmp_path, suffice):

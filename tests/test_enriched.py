@@ -56,6 +56,19 @@ def test_without_velocities_it_is_the_plain_basis():
     assert found.basis.total_energy == pytest.approx(plain.total_energy, rel=1e-12)
 
 
+@pytest.mark.parametrize("weight", [0.0, 0.25, 2.0])
+def test_the_energy_held_is_that_of_the_positions_whatever_the_velocities_add(weight):
+    x, v, _ = paths()
+    training = np.arange(0, 81, 4)
+    basis = enriched_pod(x, v, training, 4 * DENSE, modes=2 * len(training), weights=[weight]).basis
+    motion = x[:, training] - x[:, training].mean(axis=1, keepdims=True)
+    held = np.cumsum(np.square(basis.modes.T @ motion).sum(axis=1)) / np.square(motion).sum()
+    assert np.abs(basis.ratio - held).max() <= 1e-12
+    assert basis.ratio[-1] <= 1.0 + 1e-12
+    assert basis.n_lr == np.argmax(held >= 0.999) + 1
+    assert (basis.n_lr_paper, basis.n_lr_ritz) == (None, None)
+
+
 def test_velocities_help_where_the_basis_limits():
     x, v, _ = paths()
     training = np.arange(0, 81, 8)

@@ -44,3 +44,16 @@ def test_a_new_snapshot_that_is_not_finite_is_refused(moving):
     spoilt[500, 59] = np.nan
     with pytest.raises(InputError, match="row 500 of snapshot 59 is nan"):
         grown_gram(SnapshotMatrix(spoilt), SnapshotMatrix(moving[:, :40]).gram())
+
+
+@pytest.mark.parametrize("known", [2, 40, 60])
+def test_inner_products_of_other_snapshots_are_not_grown(moving, known):
+    other = SnapshotMatrix(moving + 1e-6 * np.random.default_rng(2).standard_normal(moving.shape))
+    with pytest.raises(InputError, match="inner products of other snapshots: snapshot 1 lies"):
+        grown_gram(SnapshotMatrix(moving), other.columns(range(known)).gram())
+
+
+def test_inner_products_with_unlike_weights_are_not_grown(moving):
+    weighed = SnapshotMatrix(moving, weights=np.linspace(1.0, 2.0, 999))
+    with pytest.raises(InputError, match="form them anew"):
+        grown_gram(weighed, SnapshotMatrix(moving[:, :30]).gram())

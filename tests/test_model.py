@@ -231,3 +231,27 @@ def test_what_a_kill_while_writing_leaves_does_not_stand_in_the_way(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(Refusal, match="holds other things than a model"):
         check_model_place(tmp_path)
+
+
+def test_a_model_of_every_snapshot_takes_n_lr_modes_and_claims_no_error(source, tmp_path):
+    with Run(source) as run:
+        card = train_model(run, tmp_path / "model", Wish("position", 0.001, "spline"), QUIET)
+        W, times = run.variable("position")[:].astype(float), run.times
+    assert card["n_snapshots"] == len(times)
+    # nothing lies between the snapshots, so R_c is 1 for every n and tells nothing
+    assert (card["n_c"], card["rmse"], card["projection_rmse"]) == (None, None, None)
+    assert card["n_modes"] == card["n_lr"]
+    left = W - load_model(tmp_path / "model").snapshots(times).T
+    assert np.square(left).sum() <= 1.001e-3 * np.square(W - W.mean(axis=1, keepdims=True)).sum()
+
+
+def test_a_prediction_replaces_a_prediction_but_not_the_run_it_was_learnt_from(source, tmp_path, suffice):
+    trained(source, tmp_path / "model")
+    before = source.read_bytes()
+    asked = ("predict", tmp_path / "model", "--times", "0.001", "-o")
+    refused = suffice(*asked, source)
+    assert refused.code == 2
+    assert "holds a run that no model predicted" in refused.err
+    assert source.read_bytes() == before
+    for _ in range(2):
+        assert suffice(*asked, tmp_path / "made.h5").code == 0

@@ -86,3 +86,39 @@ def test_a_block_of_no_rows_is_refused(moving):
         SnapshotMatrix(moving, 0)
     with pytest.raises(InputError, match="groups"):
         SnapshotMatrix(moving).gram_groups(0)
+
+
+def test_a_view_of_no_snapshot_has_rows_and_no_columns(moving):
+    view = SnapshotMatrix(moving, 100).columns([])
+    assert [block.shape[1] for block in view.row_blocks()] == [0] * len(range(0, 999, 100))
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        (np.arange(40) % 2 == 0, r"bool values; .*np\.flatnonzero\(mask\)"),
+        ([0.0, 2.5], "float64 values"),
+        ([0, 40], "beyond 0 to 39"),
+    ],
+)
+def test_a_mask_and_numbers_beyond_the_last_snapshot_are_no_columns(moving, columns, words):
+    with pytest.raises(InputError, match=words):
+        SnapshotMatrix(moving, columns=columns)
+    with pytest.raises(InputError, match=words):
+        SnapshotMatrix(moving).columns(columns)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [(lambda W: W + 1j, "complex values"), (lambda W: np.ma.masked_greater(W, 60.0), "some values are masked")],
+)
+def test_imaginary_parts_and_masks_are_not_lost_silently(moving, spoil, words):
+    with pytest.raises(InputError, match=words):
+        SnapshotMatrix(spoil(moving)).gram()
+    with pytest.raises(InputError, match=words):
+        list(SnapshotMatrix(spoil(moving)).row_blocks())
+
+
+def test_a_list_of_lists_is_named_as_what_it_is(moving):
+    with pytest.raises(InputError, match=r"list of shape \(\); give a matrix"):
+        SnapshotMatrix(moving.tolist())

@@ -346,12 +346,18 @@ TIMES, VALUES = [0.0, 0.1, 0.2], [[1.0], [2.0], [3.0]]
         (TIMES, [[1.0], [np.inf], [3.0]], r"values\[1, 0\] is inf"),
         (TIMES, [[1.0], [2.0]], r"values has shape \(2, 1\), times has 3 snapshots"),
         (TIMES, [1.0, 2.0, 3.0], r"values has shape \(3,\)"),
+        (TIMES, [[1.0], [2.0 + 1.0j], [3.0]], "values holds complex or masked values"),
         (TIMES, [[], [], []], r"values has shape \(3, 0\)"),
     ],
 )
 def test_a_series_that_cannot_be_learnt_is_refused(name: str, times: object, values: object, message: str) -> None:
     with pytest.raises(InputError, match=message):
         SURROGATES[name]().fit(np.array(times), np.array(values), rates=np.array(values))
+
+
+def test_what_is_masked_is_not_learnt() -> None:
+    with pytest.raises(InputError, match="values holds complex or masked values"):
+        SURROGATES["spline"]().fit(TIMES, np.ma.masked_greater([[1.0], [2.0], [3.0]], 2.5))
 
 
 @pytest.mark.parametrize("name", [name for name in EVERY if SURROGATES[name].needs_rates])

@@ -261,6 +261,8 @@ def test_default_intervals_are_ten_to_two_dense_intervals():
         (np.full((9, 31), np.inf), milliseconds(31), None, "row 0, snapshot 0 is inf"),
         (np.ones(31), milliseconds(31), None, r"1 dimension\(s\)"),
         ("run.h5", milliseconds(31), None, "W: "),
+        (np.ones((9, 31)) + 1j, milliseconds(31), None, "complex or masked"),
+        (np.ma.masked_less(np.eye(9, 31), 1.0), milliseconds(31), None, "complex or masked"),
     ],
 )
 def test_what_cannot_be_decided_upon_is_refused(W, times, intervals, message):

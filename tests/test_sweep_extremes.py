@@ -41,7 +41,7 @@ def judge_positions(tmp_path):
 
 
 def test_two_snapshots_have_no_interval_between_them_and_only_their_own_cannot_be_judged(judge_positions):
-    with pytest.raises(Refusal, match=r"run\.h5: intervals: none given or the run is too short"):
+    with pytest.raises(Refusal, match=r"run\.h5: times: 2 snapshots, the run is too short; .* at least 3"):
         judge_positions(motion(2))
     (candidate,) = judge_positions(motion(2), intervals=[0.001])["position.x"].candidates
     assert (candidate.n_snapshots, candidate.n_lr, candidate.K_f, candidate.error_n_c) == (2, 1, None, None)

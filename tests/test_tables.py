@@ -58,6 +58,17 @@ def test_where_nothing_suffices_the_best_is_named_and_an_undefined_index_is_a_da
     assert "–" in said
 
 
+def test_what_cannot_be_judged_is_not_called_insufficient(capsys):
+    still = ["nothing moves: the variable is the same in every snapshot"]
+    show_selection(selection(None, candidate(0.004, None, "undecidable", still)))
+    said = capsys.readouterr().out
+    assert f"position.x: undecidable at any Δτ considered: {still[0]}\n" in said
+    assert "not sufficient" not in said
+    few = ["too few snapshots: 5, at least 10 needed", "K_f 1.50 below 2"]
+    show_selection(selection(None, candidate(0.004, 1.5, "undecidable", few)))
+    assert f"best K_f 1.5 at 0.004 s (undecidable: {few[0]})\n" in capsys.readouterr().out
+
+
 def test_a_comparison_lists_its_rows_by_error_with_units(capsys):
     row = {"variable": "position.x", "interval": 0.004, "unit": "m", "modes": 5, "rmse_diameters": 0.25}
     row |= {"basis": "plain", "precision": "single"}
