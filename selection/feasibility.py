@@ -6,8 +6,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from selection.errors import InputError
+
 Array = NDArray[np.float64]
 FEWEST_SNAPSHOTS = 10  # below it n_lr and n_c are a handful of modes and one more of either decides
+
+LEAST = (0.0, 1.0, 0.0, 1.0)  # what every threshold lies above: a share, a ratio of errors, K_f, a ratio of errors
 
 
 class Thresholds(NamedTuple):
@@ -17,6 +21,17 @@ class Thresholds(NamedTuple):
     consistency: float = 1.05  # R_c up to which a mode is consistent
     feasibility: float = 2.0  # K_f from which Δτ is accepted
     resolution: float = 1.25  # R_a up to which the time axis is resolved (ours)
+
+
+def checked(thresholds: Thresholds | None) -> Thresholds:
+    """Return thresholds, the paper's where None are given. Raises InputError for one outside its range."""
+    limits = thresholds or Thresholds()
+    for name, value, low in zip(Thresholds._fields, limits, LEAST, strict=True):
+        if not (math.isfinite(value) and value > low):
+            raise InputError(f"thresholds: {name} is {value:g}; give a finite one above {low:g}")
+    if limits.energy > 1.0:
+        raise InputError(f"thresholds: energy is {limits.energy:g}; it is a share, at most 1")
+    return limits
 
 
 class Crossing(NamedTuple):

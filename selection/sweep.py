@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from selection.candidate import Candidate, judged, suffices
 from selection.errors import InputError
-from selection.feasibility import Thresholds
+from selection.feasibility import Thresholds, checked
 from selection.gram import InnerProducts, as_snapshots, inner_products, square_root
 from selection.intervals import candidates, dense_interval
 from selection.routes import Routes, routes
@@ -115,7 +115,7 @@ def is_sufficient(W: Any, times: ArrayLike, interval: float, thresholds: Thresho
     # a factor of all snapshots, if they have one, pays for a single Δτ only where that keeps many of them
     many = WORTH_FACTOR * len(subset.training) >= len(products.gram)
     known = routes(products) if many else Routes(products, None, None)
-    return suffices(subset, known, factor, thresholds or Thresholds())
+    return suffices(subset, known, factor, checked(thresholds))
 
 
 def judge(
@@ -135,7 +135,7 @@ def judge(
     then move n_c the verdict is undecidable. scarce: groups are missing because there are too few particles.
     Raises InputError for times and intervals as `sweep` does, and for products that are not finite or do not fit.
     """
-    limits = thresholds or Thresholds()
+    limits = checked(thresholds)
     subsets = candidates(times, intervals)
     _check(products, np.size(np.asarray(times)))
     asked = None if factor is None else once(factor)

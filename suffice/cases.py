@@ -27,6 +27,7 @@ from surrogates import InputError as UnfitSeries
 
 PLAIN, ENRICHED = "plain", "enriched"
 
+ROUNDING = 1e-9  # of an error: a floor below it is none
 Table = list[dict[str, Any]]
 
 
@@ -212,8 +213,12 @@ def _over_seeds(ones: Sequence[Reconstruction], floor: Array, place: Place) -> d
     mean, least, early = sum(errors) / len(errors), float(floor.mean()), any(one.early for one in ones)
     found = {"remark": ones[0].remark, "early": early, "seeds": errors}
     in_diameters = mean / place.diameter if place.diameter is not None and place.unit == "m" else None
-    ratio = mean / least if least > 0 else None
-    return found | {"rmse": mean, "rmse_diameters": in_diameters, "ratio_to_floor": ratio}
+    return found | {"rmse": mean, "rmse_diameters": in_diameters, "ratio_to_floor": _over(mean, least)}
+
+
+def _over(rmse: float, floor: float) -> float | None:
+    """Return an error over that of the modes alone, None where that is rounding beside it, or nothing."""
+    return rmse / floor if floor > ROUNDING * rmse else None
 
 
 def _figures(one: Reconstruction, floor: Array, case: Case, place: Place) -> dict[str, Any]:
@@ -230,7 +235,7 @@ def _figures(one: Reconstruction, floor: Array, case: Case, place: Place) -> dic
         "worst_rmse": float(one.errors[worst]),
         "worst_time": float(case.times[case.unseen[worst]]),
         "projection_rmse": least,
-        "ratio_to_floor": rmse / least if least > 0 else None,
+        "ratio_to_floor": _over(rmse, least),
         "fit_seconds": one.fit_seconds,
         "single_seconds": one.single_seconds,
         "batch_seconds": one.batch_seconds,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pod import ALONE, Ranks, SnapshotMatrix
 from selection import InputError as UnfitIntervals
 from selection import Sweep, Thresholds, dense_interval, judge, square_root
+from selection.feasibility import LEAST
 from selection.intervals import candidates
 from suffice.answers import Selection
 from suffice.products import read_products
@@ -37,7 +38,8 @@ def thresholds_of(variable: str, changed: Mapping[str, float] | None = None) -> 
     if unknown := set(changed or {}) - set(Thresholds._fields):
         raise Refusal(f"threshold {min(unknown)!r} is not known; there are {', '.join(Thresholds._fields)}")
     limits = Thresholds(**{**energy, **(changed or {})})
-    for name, low, high in (("energy", 0.0, 1.0), ("consistency", 1.0, inf), ("feasibility", 0.0, inf)):
+    for name, low in zip(Thresholds._fields, LEAST, strict=True):
+        high = 1.0 if name == "energy" else inf
         value = getattr(limits, name)
         if not (isfinite(value) and low < value <= high):
             raise Refusal(

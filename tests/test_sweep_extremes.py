@@ -1,10 +1,12 @@
 """Runs at the edge of what can be decided: the right verdict, or a refusal that says why."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from selection import ArraySnapshots, InputError, sweep
+from selection import ArraySnapshots, InputError, Thresholds, is_sufficient, sweep
 from suffice.refusal import Refusal
 from suffice.run import Run
 from suffice.selecting import select_run
@@ -182,3 +184,20 @@ def test_times_that_are_not_uniform_are_refused_before_a_row_is_read(judge_posit
     times = milliseconds(31) + 0.0004 * (np.arange(31) > 20)
     with pytest.raises(Refusal, match=r"times: not uniform, snapshot \d+ .* resample the run"):
         judge_positions(bad, times=times)
+
+
+@pytest.mark.parametrize(
+    ("limit", "says"),
+    [
+        ({"energy": 2.0}, "energy is 2; it is a share"),
+        ({"energy": np.nan}, "energy is nan; give a finite one above 0"),
+        ({"consistency": 1.0}, "consistency is 1; give a finite one above 1"),
+        ({"feasibility": np.inf}, "feasibility is inf"),
+        ({"resolution": 0.5}, "resolution is 0.5; give a finite one above 1"),
+    ],
+)
+def test_thresholds_that_no_ratio_can_meet_are_refused(limit, says):
+    W, times = np.sin(np.outer(np.arange(1, 9), np.arange(40) * 0.1)), 0.1 * np.arange(40)
+    for judge in (partial(sweep, W, times, [0.2]), partial(is_sufficient, W, times, 0.2)):
+        with pytest.raises(InputError, match=says):
+            judge(thresholds=Thresholds(**limit))
