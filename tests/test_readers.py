@@ -253,6 +253,10 @@ def with_an_extra_column(path):
             lambda path: dump(path, [snapshot(0), snapshot(1).replace("ATOMS\n5", "ATOMS\n500000000000")]),
             r"step 100 at line 15 is cut: it has 5 whole lines of 500000000000 atoms",
         ),
+        (
+            lambda path: dump(path, [snapshot(0), snapshot(1).replace("TIMESTEP\n100", "TIMESTEP\n" + 30 * "9")]),
+            r"line 15: step 9{30} is beyond any run; remove that snapshot",
+        ),
         (lambda path: path.write_bytes(snapshot(0).encode() + b"0" * 5_000_000), r"line 15 has over 65536 bytes"),
         (cut_in_the_header, r"ends inside the header of the snapshot at line 15; remove"),
         (cut_and_continued, r"step 0 at line 1 is cut: it has 3 whole lines of 5"),

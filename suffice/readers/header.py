@@ -12,6 +12,7 @@ from suffice.refusal import Refusal
 CUT_REMEDY = "remove that snapshot from the file, or write the dump again"
 
 _LINES = {"UNITS": 1, "TIME": 1, "TIMESTEP": 1, "NUMBER OF ATOMS": 1, "BOX BOUNDS": 3, "ATOMS": 0}
+LARGEST = 2**62  # of whole numbers, whose differences still have 64 bits
 _SI = ("si", "lj")  # numbers in lj units have no dimension and are taken as they are
 
 T = TypeVar("T")
@@ -85,8 +86,10 @@ def _header(text: Text, start: int, items: dict[str, _Item]) -> Header:
         units,
         tuple(items["ATOMS"].words),
     )
-    if header.n < 0:
+    if not 0 <= header.n <= LARGEST:
         raise Refusal(f"{text.path} line {start}: step {header.step} has {header.n} atoms; {CUT_REMEDY}")
+    if abs(header.step) > LARGEST:
+        raise Refusal(f"{text.path} line {start}: step {header.step} is beyond any run; {CUT_REMEDY}")
     if header.time is not None and not np.isfinite(header.time):
         raise Refusal(f"{text.path} line {start}: ITEM: TIME of step {header.step} is {header.time} s; correct it")
     return header
