@@ -1,6 +1,6 @@
 """The rotating wall of a scene, and how far within its period it is."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import gcd, pi
 from typing import Any, NamedTuple
 
@@ -11,6 +11,7 @@ from sim import Scene
 from sim.vessel import Capsule, Cone, Cylinder, Plane, Rotation, Sphere, Torus, WallTable
 from suffice.refusal import Refusal
 
+MAY_DIFFER = ("seed", "time", "output", "limits", "start")  # tables that are no part of the flow at a speed
 PARALLEL = 1e-9  # sine of the angle, or distance from the axis over the size, that is rounding
 
 
@@ -43,6 +44,43 @@ def rotor_of(scene: Scene, source: str = "") -> Rotor:
         raise Refusal(f"scene {source}: one wall has to rotate, {found} does; give a scene with a single rotor")
     wall, motion = moving[0]
     return Rotor(wall.name, motion.rpm, fold_of(wall, motion))
+
+
+def check_one_scene(scenes: Sequence[Scene]) -> None:
+    """Raise `Refusal` unless the scenes of all runs are the same but for the speed of their rotors.
+
+    Time, output, limits, the start, the seed and the steps of the fluid may differ.
+    """
+    first, *others = [_at_any_speed(scene) for scene in scenes]
+    for other in others:
+        for place, one, another in _differing(first, other):
+            raise Refusal(
+                f"runs: they differ in more than the speed of the rotor, {place} is {one} and {another}; give runs of "
+                "one scene at several speeds"
+            )
+
+
+def _at_any_speed(scene: Scene) -> dict[str, Any]:
+    told = scene.model_dump(mode="json", exclude=set(MAY_DIFFER))
+    for wall in told["walls"]:
+        (wall["motion"] or {}).pop("rpm", None)
+    for step in ("step", "largest_step"):
+        (told["fluid"] or {}).pop(step, None)
+    return told
+
+
+def _differing(one: Any, another: Any, place: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Every place at which two trees of tables and lists differ, with what stands there."""
+    if isinstance(one, Mapping) and isinstance(another, Mapping):
+        pairs = [(key, one.get(key), another.get(key)) for key in {**one, **another}]
+    elif isinstance(one, list) and isinstance(another, list) and len(one) == len(another):
+        pairs = [(str(k), a, b) for k, (a, b) in enumerate(zip(one, another, strict=True))]
+    else:
+        if one != another:
+            yield place, one, another
+        return
+    for key, a, b in pairs:
+        yield from _differing(a, b, f"{place}.{key}" if place else key)
 
 
 def fold_of(wall: WallTable, motion: Rotation) -> int:

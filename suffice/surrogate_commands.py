@@ -12,7 +12,14 @@ import typer
 
 from suffice.options import Json, RunFile, Variables, tell
 
-TASKS = ("between", "beyond", "unseen", "observables", "timescales")
+TASKS = {  # of compare, and the options that each heeds
+    "between": "variables interval surrogate max_error max_seconds max_bytes precision seed seeds training_seconds",
+    "beyond": "variables interval surrogate seed observables",
+    "unseen": "surrogate held_out seed seeds",
+    "observables": "interval surrogate seed",
+    "timescales": "variables interval surrogate max_error",
+}
+HEEDED_BY_ALL = {"runs", "task", "json"}
 Seed = Annotated[int, typer.Option(help="of whatever is random in training")]
 
 
@@ -113,8 +120,7 @@ def compare(
 
     if task not in TASKS:
         raise Refusal(f"--task {task!r} is not known; use {', '.join(TASKS)}")
-    if observables and task != "beyond":
-        raise Refusal(f"--observables belongs to --task beyond, not to {task}; between snapshots it is a task itself")
+    _check_heeded(context, task)
     if task == "unseen":
         _compare_unseen(context, runs, held_out, surrogate, (seed, seeds), json)
         return
@@ -131,6 +137,18 @@ def compare(
         effort = {"seeds": seeds, "training_seconds": training_seconds, "precisions": precision}
         limits = (max_error, max_seconds, max_bytes)
         _compare_between(context, runs[0], (variables, interval), limits, how | effort, json)
+
+
+def _check_heeded(context: typer.Context, task: str) -> None:
+    """Raise Refusal for an option given that the task would not heed."""
+    from suffice.refusal import Refusal
+
+    for name in sorted(set(context.params) - HEEDED_BY_ALL - set(TASKS[task].split())):
+        source = context.get_parameter_source(name)
+        if source is not None and source.name != "DEFAULT":
+            flag = "--variable" if name == "variables" else "--" + name.replace("_", "-")
+            heeding = " or ".join(other for other, heeded in TASKS.items() if name in heeded.split())
+            raise Refusal(f"{flag} belongs to --task {heeding}, not to {task}; leave it out, or name another task")
 
 
 def _compare_between(

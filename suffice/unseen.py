@@ -6,7 +6,8 @@ and phase, and the fields at the speed held out are predicted and held against i
 Errors of a field are relative to its spread over speeds, e = rms(predicted − measured) / S,
 S² = mean over training speeds, phases and rows of (f − mean of f over training speeds)²: 1 is what the mean over all
 training speeds would cost. Beside every error stand the statistical floor, the standard error of the measured averages
-themselves, and the projection floor, what the modes cannot hold whatever their coefficients.
+themselves, and the projection floor, what the modes leave of all fields together; a single field may err less than its
+part of it, at the cost of another.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -20,7 +21,7 @@ from pod.basis import Basis
 from suffice.fields import Array, scene_of
 from suffice.phases import FIELDS, Averages, averages
 from suffice.refusal import Refusal
-from suffice.rotor import Rotor, angle, rotor_of
+from suffice.rotor import Rotor, angle, check_one_scene, rotor_of
 from suffice.run import Run
 from suffice.unseen_verdicts import OVERALL, ahead_of, sentences
 from surrogates import CONDITION_SURROGATES
@@ -116,7 +117,9 @@ def compare_unseen(
         if progress:
             progress(done, work)
 
-    check_speeds([rotor_of(scene_of(run), str(run.path)) for run in runs], held_out)
+    scenes = [scene_of(run) for run in runs]
+    check_speeds([rotor_of(scene, str(run.path)) for scene, run in zip(scenes, runs, strict=True)], held_out)
+    check_one_scene(scenes)
     found = []
     for run in runs:
         found.append(averages(run, bins, start_up))

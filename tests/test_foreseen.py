@@ -219,3 +219,19 @@ def test_the_command_adds_observables_to_what_lies_beyond(suffice, waves):
     wrong = suffice("compare", str(waves.path), "--observables")
     assert wrong.code != 0
     assert "--observables belongs to --task beyond, not to between" in " ".join(wrong.err.split())
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        (("--task", "beyond", "--max-error", "0.05d"), "--max-error belongs to --task between or timescales, not to"),
+        (("--task", "observables", "--variable", "position.x"), "--variable belongs to --task between or beyond or"),
+        (("--task", "timescales", "--seed", "0"), "--seed belongs to --task between or beyond or unseen or"),
+        (("--task", "unseen", "--interval", "0.002", "--held-out", "600"), "--interval belongs to --task between or"),
+        (("--held-out", "600"), "--held-out belongs to --task unseen, not to between; leave it out"),
+    ],
+)
+def test_an_option_that_a_comparison_would_not_heed_is_refused(suffice, waves, given, says):
+    found = suffice("compare", str(waves.path), *given)
+    assert (found.code, found.out) == (2, "")
+    assert says in " ".join(found.err.split())

@@ -119,6 +119,20 @@ def test_runs_that_cannot_be_compared_are_refused(compared):
         compared(b=lambda _: 1.0)
 
 
+def test_runs_that_differ_in_more_than_the_speed_are_refused_with_what_differs(tmp_path, write_stirred):
+    with ExitStack() as opened:
+        runs = [opened.enter_context(Run(write_stirred(tmp_path / f"{rpm:g}.h5", rpm))) for rpm in SPEEDS[:3]]
+        scene = runs[1].provenance["scene"]
+        longer = scene.replace("duration = 1.0", "duration = 2.0")
+        assert longer != scene
+        runs[1].provenance["scene"] = longer
+        compare_unseen(runs, [600.0], surrogates=["linear"], start_up=0.5)
+        runs[1].provenance["scene"] = scene.replace("stiffness = 1e3", "stiffness = 8e3")
+        says = r"contact\.stiffness is 1000\.0 and 8000\.0; give runs of one scene"
+        with pytest.raises(Refusal, match=says):
+            compare_unseen(runs, [600.0], surrogates=["linear"], start_up=0.5)
+
+
 def row(name, error, halves, scatter=0.0):
     return {
         "surrogate": name,
