@@ -7,18 +7,21 @@ import numpy as np
 from sim.coupling import Coupling
 from sim.errors import InputError, LimitError
 from sim.fluid_series import fluid_series
-from sim.fluid_side import FluidSide
+from sim.fluid_side import FluidSide, check_steps
 from sim.kernel import Array
 from sim.scene import Scene
 from sim.simulation import Simulation
 from sim.start import StartState
 from sim.state import Snapshot
+from sim.timestep import time_step
 
 
 class CoupledSimulation(FluidSide, Simulation):
     """State of a run of particles in a fluid between two compiled calls."""
 
     def __init__(self, scene: Scene, start: StartState | None = None) -> None:
+        if scene.fluid is not None:
+            check_steps(scene.fluid, time_step(scene)[0])
         super().__init__(scene, start)
         self._make_fluid(scene, self.walls)
         if scene.drag is not None:

@@ -44,6 +44,16 @@ def check_solid(scene: Scene, walls: Bodies) -> None:
             )
 
 
+def check_steps(table: FluidTable, dt: float) -> None:
+    """Refuse steps of the fluid below the particles' `dt` (s), which could not be done (InputError)."""
+    for name, asked in (("step", table.step), ("largest_step", table.largest_step)):
+        if asked is not None and asked < dt * (1.0 - 1e-9):
+            raise InputError(
+                f"fluid.{name} = {asked:g} s: below the particles' step of {dt:.3g} s, and a step of the fluid is one "
+                f"of theirs at least; give time.step = {asked:g} s too, or a longer fluid.{name}"
+            )
+
+
 class FluidSide:
     """The fluid of a run, in steps that are whole ones of the run's."""
 
@@ -93,13 +103,21 @@ class FluidSide:
             if self.scene.gravity is not None:
                 fall = sqrt(h / max(float(np.linalg.norm(self.scene.gravity.acceleration)), 1e-300))
                 found.append(FluidLimit("fall of the particles", fall))
+        if self.fluid.last_step == 0.0:  # from the second on the speed reached tells
+            slopes = zip(self.table.pressure_gradient, self.fluid.grid.spacing, strict=True)
+            gain = sum(abs(slope) / width for slope, width in slopes) / self.table.density  # 1/s²
+            found.append(FluidLimit("first step under fluid.pressure_gradient", sqrt(_ratio(COURANT, gain))))
         if self.table.largest_step is not None:
             found.append(FluidLimit("fluid.largest_step", self.table.largest_step))
         return found
 
+    def wanted_step(self) -> float:
+        """Return the next step of the fluid that the scene asks for, or the largest within the limits, s."""
+        return self.table.step or min(limit.largest for limit in self.limits())
+
     def substeps(self, left: int) -> int:
         """Return the steps of the run within the next step of the fluid; whole ones make up the `left` ones."""
-        wanted = self.table.step or min(limit.largest for limit in self.limits())
+        wanted = self.wanted_step()
         most = max(1, int(min(wanted / self.dt * (1.0 + 1e-9), left if self.table.step else min(left, MOST_STEPS))))
         return ceil(left / ceil(left / most))
 
@@ -116,9 +134,16 @@ class FluidSide:
         if not courant <= LARGEST_COURANT:
             raise LimitError(
                 f"the fluid crosses {courant:.3g} cells in a step of {dt:.3g} s at t = {time:.6g} s "
-                f"({self.fluid.fastest_place()}); lower fluid.step to {0.5 * dt / max(courant, 1e-300):.2g} s, "
-                "or leave it out"
+                f"({self.fluid.fastest_place()}); {self._remedy(0.5 * dt / max(courant, 1e-300))}"
             )
+
+    def _remedy(self, step: float) -> str:
+        """Say what makes the fluid's steps no longer than `step` (s)."""
+        if self.table.step is not None:
+            return f"lower fluid.step to {step:.2g} s, or leave it out"
+        if len(self.places()) and step < self.dt:
+            return f"give time.step = {step:.2g} s: a step of the fluid is one of the particles at least"
+        return f"give fluid.largest_step = {step:.2g} s"
 
     def fields(self) -> FluidFields:
         """Return the fluid at the centres of its cells."""

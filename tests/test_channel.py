@@ -8,7 +8,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from sim import Scene, simulate
+from sim import Scene, simulate, simulation_of
 from sim.flow import FluidTable
 from sim.fluid import Fluid
 from sim.grid import faces_of, grid_of
@@ -147,6 +147,29 @@ def test_inflow_through_a_region_brings_its_mean_speed_over_the_region():
     fluid = inflow_channel(8, {"speed": 1.0, "lowest": [0, 0.25, 0], "highest": [0, 0.75, 1]}) | {"step": 0.01}
     seen = snapshots(fluid, 0.05, 1)[-1].fluid.velocity
     assert seen[..., 0].mean(axis=(0, 1)) == pytest.approx(0.5, rel=1e-6)  # through every section of the channel
+
+
+def test_the_largest_step_that_a_scene_allows_is_kept_however_far_apart_its_snapshots_are():
+    """A twentieth of a thousandth of the interval: the flow from rest is U = G t/ρ, and its steps are counted."""
+    fluid = {"highest": [1.0, 1.0, 1.0], "cells": [2, 2, 2], "pressure_gradient": [-1e-3, 0, 0], "largest_step": 5e-4}
+    seen = snapshots(fluid, 1.0, 1, "xyz")[-1]
+    assert seen.series["fluid.steps"] >= 2000
+    assert seen.fluid.velocity[..., 0] == pytest.approx(1e-3, rel=1e-9)
+
+
+@pytest.mark.parametrize(("gradient", "duration"), [(10.0, 2.0), (1e4, 0.08)])
+def test_a_flow_that_a_pressure_gradient_starts_keeps_to_the_limits_of_its_steps(gradient, duration):
+    """From rest over hundreds of cells a snapshot, without a step in the scene: U = G t/ρ of a box that repeats."""
+    scene = {
+        "fluid": {"density": DENSITY, "viscosity": VISCOSITY, "lowest": [0.0] * 3, "highest": [1.0] * 3,
+                  "cells": [10, 2, 2], "pressure_gradient": [-gradient, 0, 0]},
+        "periodic": {"directions": ["x", "y", "z"], "lowest": [0, 0, 0], "highest": [1, 1, 1]},
+        "time": {"duration": duration}, "output": {"interval": duration, "precision": "double"},
+    }  # fmt: skip
+    run = simulation_of(Scene.model_validate(scene))
+    run.advance_to(run.steps_per_snapshot)
+    assert run.guards["courant"].value < 0.75  # the second step starts with half of the speed that it ends with
+    assert run.snapshot().fluid.velocity[..., 0] == pytest.approx(gradient * duration / DENSITY, rel=1e-9)
 
 
 @pytest.mark.physics

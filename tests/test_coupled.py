@@ -144,6 +144,12 @@ def test_a_step_too_long_for_the_flow_stops_the_run_and_says_where():
         run.advance_to(run.steps_per_snapshot * 4)
 
 
+@pytest.mark.parametrize("name", ["step", "largest_step"])
+def test_a_step_of_the_fluid_below_that_of_the_particles_is_refused(name):
+    with pytest.raises(InputError, match=rf"fluid.{name} = 1e-09 s: below the particles' step of .*time.step = 1e-09"):
+        simulation_of(stirred(fluid={name: 1e-9}))
+
+
 def test_a_particle_outside_the_box_of_the_fluid_is_named():
     with pytest.raises(InputError, match=r"particle \d+ is outside the fluid's box, .* enlarge fluid"):
         simulation_of(stirred(fluid={"highest": [8e-3, 8e-3, 4e-3]}))
