@@ -70,8 +70,8 @@ def test_fluid_between_cylinders_turns_as_couette_found():
 
 
 @pytest.mark.physics
-def test_torque_does_not_depend_on_the_time_step():
-    """Walls hold the fluid by friction, where Δt ν/h² is 0.5 or more; shorter steps make them larger (docs/limits.md)."""
+def test_torque_does_not_depend_on_time_steps_in_which_friction_crosses_half_a_cell():
+    """Walls hold the fluid by friction where Δt ν/h² is 0.5 or more; shorter steps make them larger: docs/limits.md."""
     torque = [between_cylinders(32, largest_step=step)[3]["rotor"] / TORQUE for step in (2e-3, 1e-4)]
     print(f"\ntorque at steps of 2 and 0.1 ms: {torque}")
     assert torque == pytest.approx([1.0, 1.0], abs=0.03)
