@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
+from itertools import chain
 from math import prod
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -64,24 +65,25 @@ class InSitu:
     checks nothing but a copy is made. The verdict is that of `suffice select` on a file that holds the same snapshots,
     but of a Δτ it is looked at only where it can have settled (see selection/settled.py), and without the interval of
     K_f. Where one has settled for every variable it is judged with that interval, and the run ends if it still holds.
-    The `verdict` at its end leaves nothing out.
+    The `verdict` at its end judges every Δτ where the run is thinned, because `select` will refuse it; else only what
+    it rests on: the Δτ that ended the run, or that came nearest.
     most: snapshots at the end of the run. Raises Refusal where all of them do not fit into memory.
     """
 
-    def __init__(self, variables: Mapping[str, Rows], most: int, dtype: DTypeLike) -> None:
+    def __init__(self, variables: Mapping[str, Rows], most: int, dtype: DTypeLike, *, thinned: bool = False) -> None:
         sizes = {name: GrowingSnapshots.bytes_needed(r.rows, most, dtype, GROUPS) for name, r in variables.items()}
         self.bytes_needed = sum(sizes.values())
         check_memory(self.bytes_needed, most)
         cores()  # the libraries are looked up before the run, not at its first check
-        self.variables, self.most, self.checks = dict(variables), most, checks(most)
+        self.variables, self.most, self.checks, self.thinned = dict(variables), most, checks(most), thinned
         self.times: list[float] = []
         self.snapshots = {
             name: GrowingSnapshots(r.rows, most, r.rows_per_particle, dtype, GROUPS) for name, r in variables.items()
         }
         self.settling = {name: Settling(self.checks, partial(self._sufficient, name)) for name in variables}
         self.limits = {name: thresholds_of(name) for name in variables}
-        self.held: dict[tuple[str, int], Candidate] = {}  # by variable and snapshots: judged last with its interval
-        self.table: dict[str, Sweep] = {}  # complete, of the end of the run
+        self.held: dict[tuple[str, int], Sweep] = {}  # by variable and snapshots: judged last with its interval
+        self.table: dict[str, Sweep] = {}  # of the end of the run
         self.suffices = False
         self.seconds = 0.0  # that watching took while the simulation went on
         self.seconds_after = 0.0  # that the last verdict took
@@ -111,9 +113,8 @@ class InSitu:
         """Tell whether any Δτ that has settled is sufficient with the interval of K_f as well."""
         n = len(self.times)
         for stride in self.settling[variable].all_settled(n):
-            (found,) = self._sweep(variable, [self._interval(stride)]).candidates
-            self.held[variable, n] = found
-            if found.verdict == "sufficient":
+            found = self.held[variable, n] = self._sweep(variable, [self._interval(stride)])
+            if found.candidates[0].verdict == "sufficient":
                 return True
         return False
 
@@ -121,8 +122,8 @@ class InSitu:
         """Return Δτ (s) of so many dense intervals, as `select` writes it."""
         return float(f"{stride * dense_interval(self.times):.12g}")
 
-    def _sweep(self, variable: str, intervals: Sequence[float]) -> Sweep:
-        return sweep(self.snapshots[variable], self.times, intervals, self.limits[variable], GROUPS)
+    def _sweep(self, variable: str, intervals: Sequence[float], groups: int | None = GROUPS) -> Sweep:
+        return sweep(self.snapshots[variable], self.times, intervals, self.limits[variable], groups)
 
     def _sufficient(self, variable: str, stride: int, n: int) -> bool:
         """Tell whether Δτ, in dense intervals, is sufficient in the first n snapshots but for the interval of K_f."""
@@ -131,22 +132,48 @@ class InSitu:
 
     def _whole_table(self, variable: str) -> Sweep:
         """Judge every Δτ of the default scan; not again the one that was judged last and let the run end."""
-        n, settling = len(self.times), self.settling[variable]
-        known = [self.held[variable, n]] if (variable, n) in self.held else []
+        n = len(self.times)
+        known = self.held[variable, n].candidates if (variable, n) in self.held else []
         wanted = set(default_intervals(self.times)).difference(found.interval for found in known)
         rest = self._sweep(variable, sorted(wanted))
         table = sorted([*known, *rest.candidates], key=lambda c: -c.interval)
         whole = rest._replace(candidates=table, chosen_interval=next((c.interval for c in table if c.sufficient), None))
-        for stride in sufficient_strides(whole):
-            settling.learn(stride, n, sufficient=True)
+        self._learn(variable, whole)
         return whole
+
+    def _needed(self, variable: str) -> Sweep:
+        """Judge with its interval of K_f what the verdict rests on: the Δτ that have settled, else the best one.
+
+        That interval can only take the verdict "sufficient" away.
+        """
+        rough = self._sweep(variable, default_intervals(self.times), groups=None)
+        self._learn(variable, rough)
+        settled = (self._interval(s) for s in sufficient_strides(rough) if self._has_settled(variable, s))
+        best_first = (c.interval for c in sorted(rough.candidates, key=_merit, reverse=True))
+        judged: list[Candidate] = []
+        for interval in chain(settled, best_first):
+            judged += self._sweep(variable, [interval]).candidates
+            if judged[-1].verdict == "sufficient" or rough.at(interval).verdict != "sufficient":
+                break
+        return rough._replace(candidates=judged)
+
+    def _learn(self, variable: str, found: Sweep) -> None:
+        for stride in sufficient_strides(found):
+            self.settling[variable].learn(stride, len(self.times), sufficient=True)
+
+    def _table(self, variable: str) -> Sweep:
+        if self.thinned:
+            return self._whole_table(variable)
+        return self.held[variable, len(self.times)] if self.suffices else self._needed(variable)
 
     def _settled_interval(self, variable: str) -> float | None:
         """Return the largest Δτ (s) that has settled and is sufficient at the end, None where there is none."""
-        settling, n = self.settling[variable], len(self.times)
         strides = sufficient_strides(self.table[variable])
-        stride = next((s for s in strides if settling.settled(s, n, at_last=True)), None)
+        stride = next((s for s in strides if self._has_settled(variable, s)), None)
         return None if stride is None else self._interval(stride)
+
+    def _has_settled(self, variable: str, stride: int) -> bool:
+        return self.settling[variable].settled(stride, len(self.times), at_last=True)
 
     def restore_(self, times: Iterable[float], history: Iterable[Mapping[str, NDArray[Any]]]) -> None:
         """Take the snapshots before an interruption again: at each time (s) the columns (rows,) by variable.
@@ -165,7 +192,7 @@ class InSitu:
         return found
 
     def _verdict(self) -> dict[str, Any]:
-        self.table = {name: self._whole_table(name) for name in self.variables}
+        self.table = {name: self._table(name) for name in self.variables}
         intervals = {name: self._settled_interval(name) for name in self.table}
         self.suffices = None not in intervals.values()
         return {
@@ -175,18 +202,22 @@ class InSitu:
             "time": self.times[-1],
             "dense_interval": dense_interval(self.times),
             "checks": [n for n in self.checks if n <= len(self.times)],
-            "variables": {
-                name: {**swept.as_dict(), "settled_interval": intervals[name]} for name, swept in self.table.items()
-            },
+            "variables": {name: self._facts(name) | {"settled_interval": intervals[name]} for name in self.table},
         }
+
+    def _facts(self, name: str) -> dict[str, Any]:
+        """Return what is known of a variable; which Δτ the paper's rule chooses only where every one was judged."""
+        known = self.table[name].as_dict()
+        return known if self.thinned else {key: value for key, value in known.items() if key != "chosen_interval"}
 
     def _end(self) -> str:
         """Say when the run ended and why."""
         n, at = len(self.times), f"at t = {seconds_text(self.times[-1])}"
+        rest = "" if self.thinned else "; `suffice select` judges every Δτ"
         if not self.suffices:
-            return f"the run's time is up {at}, after {n} snapshots, before all that is watched suffices"
+            return f"the run's time is up {at}, after {n} snapshots, before all that is watched suffices{rest}"
         early = f" of {self.most}" if n < self.most else ""
-        return f"all that is watched suffices {at}, after {n}{early} snapshots"
+        return f"all that is watched suffices {at}, after {n}{early} snapshots{rest}"
 
     def _sentence(self, name: str, interval: float | None) -> str:
         """Say what is known of a variable in one sentence."""
@@ -198,13 +229,18 @@ class InSitu:
             return (
                 f"{name}: Δτ = {seconds_text(interval)} suffices, {_index(at)}, as at every check since {n} snapshots"
             )
-        best = max(found.candidates, key=lambda c: (c.verdict == "sufficient", c.K_f or 0.0, -c.interval))
+        best = max(found.candidates, key=_merit)
         place = f"{seconds_text(best.interval)}, {_index(best)}"
         if best.verdict == "sufficient":
             since = settling.since(round(best.interval / found.dense_interval), len(self.times))
             return f"{name}: {place} suffices, but only since {since} of {len(self.times)} snapshots; go on longer"
         because = "; ".join(best.reasons)
         return f"{name}: not sufficient at any Δτ; the best, {place}, is {best.verdict}: {because}; {REMEDY}"
+
+
+def _merit(candidate: Candidate) -> tuple[bool, float, float]:
+    """Order candidates by how near they come to a sufficient Δτ."""
+    return candidate.verdict == "sufficient", candidate.K_f or 0.0, -candidate.interval
 
 
 def _index(candidate: Any) -> str:

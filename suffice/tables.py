@@ -74,7 +74,7 @@ def show_facts_and_found(title: str, answer: Mapping[str, Any]) -> None:
     told = (*FOUND, "seconds", "particle_steps_per_second") if "summary" in answer else FOUND
     show_facts(title, {name: value for name, value in answer.items() if name not in told})
     console, found, kept = Console(), answer.get("in_situ"), answer.get("kept")
-    if found:
+    if found and kept:  # of no other run is every Δτ judged
         console.print(_indices(found["variables"]))
     for sentence in [*(found["sentences"] if found else []), *([kept_sentence(kept)] if kept else [])]:
         console.print(sentence, highlight=False, markup=False, soft_wrap=True)

@@ -29,7 +29,8 @@ class Watching(NamedTuple):
             return None
         scene, n = simulation.scene, len(simulation.particles.radius)
         rows = {name: rows_of(name, quantities, n, grid_of_file(scene)) for name in self.variables}
-        return InSitu(rows, simulation.snapshots, DTYPES[scene.output.precision])
+        thinned = self.keep_error is not None
+        return InSitu(rows, simulation.snapshots, DTYPES[scene.output.precision], thinned=thinned)
 
     def tolerance(self, simulation: AnyRun) -> float | None:
         """Return the RMSE (m) that interpolation between kept snapshots may have, None where all are kept.
