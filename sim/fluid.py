@@ -147,14 +147,18 @@ class Fluid:
         return force
 
     def _fill_mobility(self, void: Array, dt: float, exchange: Exchange | None) -> None:
-        """Fill b on faces: 1/b = (ρε/Δt + K) / (1 − α) + ε μ times the grip of walls; 0 where u is prescribed."""
+        """Fill b on faces: 1/b = (ρε/Δt + K) / o + ε μ times the grip of walls; 0 where u is prescribed.
+
+        o = min(2 − 2α, 1): a face is held for what is covered beyond its half. Whatever is held at all becomes rigid as
+        Δt falls, and so a body ends at its surface then, not half a cell outside.
+        """
         inertia = void * (self.table.density / dt)
         if exchange is not None:
             inertia = inertia + exchange.drag
         for a in range(3):
             faces = self.on_faces(inertia, a)
             if self.immersed is not None:
-                open_share = 1.0 - faces_of(self.immersed.share[a], a, self.grid)
+                open_share = np.minimum(2.0 - 2.0 * faces_of(self.immersed.share[a], a, self.grid), 1.0)
                 grip = self.table.viscosity * self.on_faces(void, a) * faces_of(self.immersed.grip[a], a, self.grid)
                 faces_of(self.mobility[a], a, self.grid)[:] = open_share / (faces + open_share * grip)
             else:

@@ -167,3 +167,22 @@ def test_pressure_of_a_moving_body_does_not_grow_as_the_step_falls(kind):
         highest.append(max(spikes[10:]))
     print(f"\n{kind}: largest pressure difference {highest[0]:.3g} and {highest[1]:.3g} Pa at a quarter of the step")
     assert highest[1] < 2.0 * highest[0]
+
+
+@pytest.mark.physics
+def test_drag_of_spheres_in_a_cubic_array_does_not_depend_on_the_step():
+    """Slow flow under a pressure gradient G: G L³ = 6 π μ a U K, K = 3.973 for a = 0.3 L (doi 10.1017/S0022112082000627).
+
+    4.8 cells to the radius, Δt ν/h² of 1 and 0.1. U is the mean velocity over the whole cube, sphere included.
+    """
+    factors, gradient, viscosity, radius, n = [], 0.1, 10.0, 0.3 * BOX, 16
+    for part in (1.0, 0.1):
+        step = part * (BOX / n) ** 2 * DENSITY / viscosity
+        fluid = {"pressure_gradient": [-gradient, 0, 0], "largest_step": step, "viscosity": viscosity}
+        run = FlowSimulation(scene([body("sphere", SPHERE | {"radius": radius})], 0.02, periodic="xyz", **fluid))
+        run.advance_to(run.steps_per_snapshot)
+        mean = momentum(run)[0] / (DENSITY * BOX**3)
+        factors.append(gradient * BOX**3 / (6.0 * pi * viscosity * radius * mean))
+    print(f"\ndrag of a sphere in a cubic array over that of a lone one: {factors}")
+    assert factors == pytest.approx([3.973] * 2, rel=0.015)
+    assert factors[0] == pytest.approx(factors[1], rel=2e-3)
