@@ -171,8 +171,9 @@ def test_pressure_of_a_moving_body_does_not_grow_as_the_step_falls(kind):
 
 @pytest.mark.physics
 def test_drag_of_spheres_in_a_cubic_array_does_not_depend_on_the_step():
-    """Slow flow under a pressure gradient G: G L³ = 6 π μ a U K, K = 3.973 for a = 0.3 L (doi 10.1017/S0022112082000627).
+    """Slow flow under a pressure gradient G: G L³ = 6 π μ a U K, K = 3.973 for a = 0.3 L.
 
+    Zick and Homsy, doi 10.1017/S0022112082000627.
     4.8 cells to the radius, Δt ν/h² of 1 and 0.1. U is the mean velocity over the whole cube, sphere included.
     """
     factors, gradient, viscosity, radius, n = [], 0.1, 10.0, 0.3 * BOX, 16
