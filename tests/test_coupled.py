@@ -237,8 +237,11 @@ def balance(run, snapshots):
 
 @pytest.mark.physics
 def test_a_small_wet_mill_runs_for_a_second_and_loses_no_bead():
-    """Twenty turns of the paddle; `suffice simulate mini_mill --until 1` does the same with 2000 beads."""
-    run = simulation_of(stirred(duration=1.0, output={"interval": 0.05, "precision": "double"}))
+    """Twenty turns of a paddle among beads; `suffice simulate mini_mill --until 1` does the same with 2000 of them."""
+    walls = (BOX, PADDLE | {"shapes": [PADDLE["shapes"][0] | {"centre": [4e-3, 4e-3, 2.5e-3]}]})
+    harder = {"stiffness": 4e3, "restitution": 0.9, "friction": 0.2}
+    output = {"interval": 0.05, "precision": "double"}
+    run = simulation_of(stirred(walls=walls, duration=1.0, contact=harder, output=output))
     assert run.snapshots == 21
     fastest, shaft = [], []
     for k in range(run.snapshots):

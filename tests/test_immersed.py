@@ -187,3 +187,18 @@ def test_drag_of_spheres_in_a_cubic_array_does_not_depend_on_the_step():
     print(f"\ndrag of a sphere in a cubic array over that of a lone one: {factors}")
     assert factors == pytest.approx([3.973] * 2, rel=0.015)
     assert factors[0] == pytest.approx(factors[1], rel=2e-3)
+
+
+@pytest.mark.physics
+def test_power_of_a_thin_paddle_does_not_depend_on_the_grid():
+    """Two and four cells thick: 4.8e-5 and 5.0e-5 W (six: 4.4e-5); 12e-5 and 8e-5 W where rims held in proportion."""
+    shape = {"shape": "capsule", "axis": [1, 0, 0], "radius": 1e-3, "length": 3e-3}
+    paddle = body("paddle", shape, kind="rotation", axis=[0, 0, 1], rpm=1200.0)
+    power = []
+    for n in (8, 16):
+        box = {"lowest": [-4e-3] * 3, "highest": [4e-3] * 3, "cells": [n] * 3, "viscosity": 1e-3}
+        snapshots = list(simulate(scene([paddle], 0.4, 20, **box)))
+        power.append(np.mean([s.series["fluid_power.paddle"] for s in snapshots[10:]]))
+    print(f"\npower of the paddle on water: {power} W")
+    assert power[0] == pytest.approx(power[1], rel=0.15)
+    assert power == pytest.approx([4.4e-5] * 2, rel=0.2)
