@@ -5,8 +5,8 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Timer, get_ident
 from types import TracebackType
@@ -22,6 +22,7 @@ DONE, FAILED, REFUSED, INTERRUPTED = 0, 1, 2, 130
 INTERRUPTION = "interrupted; finished stages are kept, run the same command again"
 SECONDS_AFTER_CALLBACK = 0.01
 REPEATED = "Can't decrement id ref count"  # HDF5's words
+HALF_MADE = "has no attribute '_ptr'"  # llvmlite's, when it lets go of what Ctrl-C stopped it from making
 UsageError: Any = typer.BadParameter.__mro__[1]  # typer has a click of its own, of which only this is public
 
 
@@ -49,7 +50,7 @@ def failures() -> tuple[type[Exception], ...]:
 
 
 def hear_what_is_dropped() -> None:
-    """Hear a Ctrl-C that Python drops, and keep what HDF5 repeats for each object after a write has failed.
+    """Hear a Ctrl-C that Python drops, and keep what libraries repeat for each object after a failure or a Ctrl-C.
 
     To be called inside of typer, which brings a hook of its own.
     """
@@ -61,7 +62,7 @@ def hear_what_is_dropped() -> None:
             again = Timer(SECONDS_AFTER_CALLBACK, signal.pthread_kill, (get_ident(), signal.SIGINT))
             again.daemon = True
             again.start()
-        elif REPEATED not in str(found.exc_value):
+        elif not any(words in str(found.exc_value) for words in (REPEATED, HALF_MADE)):
             unraisable(found)
 
     def note_uncaught(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
@@ -75,6 +76,20 @@ def disk_words(error: Exception) -> str:
     """Return what the system said about a write, without what HDF5 wraps around it."""
     found = re.search(r"errno = (\d+)", str(error))
     return os.strerror(int(found[1])) if found else str(error)
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Name the run and the remedy where its disk is full, for which HDF5 has two names."""
+    try:
+        yield
+    except (OSError, RuntimeError) as error:
+        if disk_words(error) == str(error):
+            raise
+        raise OSError(
+            f"run {path} cannot be written ({disk_words(error)}); make room and repeat the command, with --resume "
+            "where it has that"
+        ) from None
 
 
 def run_command(command: Callable[[], Any]) -> int:
@@ -115,9 +130,11 @@ def run_command(command: Callable[[], Any]) -> int:
             return _say(f"refused: {error}", REFUSED) if is_first() else REFUSED
         except failures() as error:
             return _say(f"failed: {disk_words(error) or type(error).__name__}", FAILED)
-        except (SystemError, RuntimeError):
+        except (SystemError, RuntimeError) as error:
             if heard:  # Ctrl-C while compiled code is loaded comes out of numba as one of these
                 return _say(INTERRUPTION, code_of(heard))
+            if disk_words(error) != str(error):  # HDF5's other name for a disk that is full
+                return _say(f"failed: {disk_words(error)}", FAILED)
             raise
 
 

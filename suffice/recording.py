@@ -17,7 +17,7 @@ from suffice.in_situ import InSitu
 from suffice.logbook import Logbook, summed_up
 from suffice.refusal import Refusal
 from suffice.run import Run
-from suffice.store import DTYPES, RunWriter
+from suffice.store import DTYPES, Reserved, RunWriter
 from suffice.summary import Outcome, Summary
 from suffice.thinning import Thinning, compact, finest_halving
 from suffice.warned import Counted
@@ -34,6 +34,18 @@ def values_of(snapshot: Snapshot) -> dict[str, NDArray[Any]]:
     if snapshot.fluid is not None:
         values |= {f"fluid.{name}": rows for name, rows in snapshot.fluid._asdict().items()}
     return {name: rows for name, rows in values.items() if rows is not None}
+
+
+def reserved_of(simulation: AnyRun, watch: InSitu | None, thinned: bool) -> Reserved:
+    """Return what a run's file must have room for beside its snapshots: what will be told, found and watched."""
+    room: Reserved = {name: ((), np.dtype(f"S{size}")) for name, size in TOLD_BYTES.items()}
+    if watch is None:
+        return room
+    if not thinned:
+        return room | {layout.FOUND: ((), np.dtype(f"S{TEXT_BYTES * (1 + len(watch.variables))}"))}
+    most, dtype = simulation.snapshots, DTYPES[simulation.scene.output.precision]
+    room[layout.WATCHED_TIME] = ((most,), np.dtype(np.float64))
+    return room | {f"{layout.HISTORY}/{name}": ((most, rows.rows), dtype) for name, rows in watch.variables.items()}
 
 
 class Recorder:
@@ -93,22 +105,6 @@ class Recorder:
         else:
             self.thinning.take(now, values)
         return values
-
-    def reserve(self) -> None:
-        """Make room in the file for what will be found, before its first snapshot."""
-        for name, size in TOLD_BYTES.items():
-            self.writer.reserve(name, (), np.dtype(f"S{size}"))
-            self.writer.put(name, np.bytes_(b""))
-        if self.watch is None:
-            return
-        if self.thinning is None:
-            self.writer.reserve(layout.FOUND, (), np.dtype(f"S{TEXT_BYTES * (1 + len(self.watch.variables))}"))
-            self.writer.put(layout.FOUND, np.bytes_(b""))
-            return
-        most = self.simulation.snapshots
-        self.writer.reserve(layout.WATCHED_TIME, (most,), np.dtype(np.float64))
-        for name, rows in self.watch.variables.items():
-            self.writer.reserve(f"{layout.HISTORY}/{name}", (most, rows.rows), self.thinning.dtype)
 
     def _put_history(self, time: float, values: Mapping[str, NDArray[Any]]) -> None:
         """Keep what is watched, of which not every snapshot may be kept, so that a resumed run knows it."""

@@ -19,7 +19,7 @@ from suffice.lock import only_writer
 from suffice.logbook import compiling_seconds
 from suffice.progress import Reporter
 from suffice.provenance import made_otherwise, provenance_of
-from suffice.recording import Recorder, values_of
+from suffice.recording import Recorder, reserved_of, values_of
 from suffice.refusal import Refusal
 from suffice.starting import read_start
 from suffice.store import Run, RunWriter, check_place
@@ -186,9 +186,9 @@ def _new_record(path: Path, text: str, simulation: AnyRun, watching: Watching) -
         series=sorted(first.series),
         impact_energy=None if first.impacts is None else impact_energy_edges(),
         provenance=provenance_of(text, simulation.scene) | watching.provenance(),
+        reserved=reserved_of(simulation, watch, tolerance is not None),
     )
     record = Recorder(simulation, writer, watch, tolerance)
-    record.reserve()
     record.record(simulation.snapshot())
     return record
 

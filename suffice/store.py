@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from suffice import layout
-from suffice.door import disk_words
+from suffice.door import disk_words, naming
 from suffice.quantities import QUANTITIES, Grid
 from suffice.refusal import Refusal
 from suffice.run import Run
@@ -28,6 +28,7 @@ __all__ = ["Run", "RunWriter", "check_place"]
 
 SECONDS_BETWEEN_VIEWS = 1.0
 ROOM = 1 << 16  # bytes: a run without particles takes a quarter
+Reserved = dict[str, tuple[tuple[int, ...], np.dtype[Any]]]  # shape and type of datasets by their names in the file
 DTYPES: dict[str, np.dtype[Any]] = {"single": np.dtype(np.float32), "double": np.dtype(np.float64)}
 
 
@@ -36,8 +37,8 @@ class RunWriter:
 
     `ids`, `radius` (m) and `species` are (n,) and fixed for the run; `variables` are names of `QUANTITIES`, those of
     the fluid need a `grid`. `series` names the diagnostics over time, `provenance` says what made the run, and
-    `impact_energy` (bins + 1,) in J are the bins of impacts where these are counted. Fewer snapshots than `n_snapshots`
-    may be appended.
+    `impact_energy` (bins + 1,) in J are the bins of impacts where these are counted; `reserved` are more datasets to be
+    `put` later. Fewer snapshots than `n_snapshots` may be appended.
 
     The file stands at its name from the first moment, and stays after a failure; with `beside=True` it appears only
     when the block ends without one, and nothing is left otherwise. A run that stood there is replaced. Raises `Refusal`
@@ -59,6 +60,7 @@ class RunWriter:
         series: Sequence[str] = (),
         impact_energy: ArrayLike | None = None,
         beside: bool = False,
+        reserved: Reserved | None = None,
     ) -> None:
         self.path = Path(path)
         self.variables = tuple(variables)
@@ -78,6 +80,10 @@ class RunWriter:
         self._file = _create(self._part)
         try:
             self._allocate(shapes, DTYPES[precision], series, provenance)
+            for name, (shape, dtype) in (reserved or {}).items():
+                self.reserve(name, shape, dtype)
+                if not shape:  # HDF5 gives a scalar its place when it is written first
+                    self._file[name][()] = np.zeros((), dtype)[()]
             self.sync()
             if not beside:
                 self._publish()
@@ -122,24 +128,31 @@ class RunWriter:
         """
         k = self.n_complete
         self._check(time, values, series or {})
+        with naming(self.path):
+            self._write(k, time, values, series or {}, impacts)
+        if not self._beside and clock.monotonic() >= self._next_view:
+            self._write_views()
+
+    def _write(
+        self, k: int, time: float, values: Mapping[str, Any], series: Mapping[str, float], impacts: Any
+    ) -> None:  # fmt: skip
         if self._bins is not None:
             self._file[layout.IMPACT_RATE][k] = np.zeros((2, len(self._bins) - 1)) if impacts is None else impacts
         for name in self.variables:
             quantity = QUANTITIES[name]
             self._file[quantity.dataset][layout.index_of(quantity, k, self._n)] = values[name]
-        for diagnostic, value in (series or {}).items():
+        for diagnostic, value in series.items():
             self._file[f"{layout.SERIES}/{diagnostic}"][k] = value
         self._file[layout.TIME][k] = self._times[k] = time
         if not self._beside:  # nobody sees a file written beside before it is whole
             self.sync()
         self._file[layout.COUNTER][()] = self.n_complete = k + 1
         self._file.flush()
-        if not self._beside and clock.monotonic() >= self._next_view:
-            self._write_views()
 
     def put(self, name: str, values: ArrayLike, at: int | EllipsisType = ...) -> None:
         """Write into a dataset that was reserved; on the disk with the next snapshot, or when the run is closed."""
-        self._file[name][at] = values
+        with naming(self.path):
+            self._file[name][at] = values
 
     def sync(self) -> None:
         """Bring all that was written to the disk."""
@@ -149,8 +162,9 @@ class RunWriter:
     def close(self) -> None:
         """Finish the run: what was appended stays, and the views show all of it."""
         if self._file:
-            self.sync()
-            self._file.close()
+            with naming(self.path):
+                self.sync()
+                self._file.close()
             if self._beside:
                 self._publish()
             self._write_views()

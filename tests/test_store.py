@@ -200,6 +200,27 @@ def test_a_run_that_fails_keeps_what_it_had(tmp_path):
         assert run.n_snapshots == 1
 
 
+@pytest.mark.parametrize("kind", [OSError, RuntimeError])
+def test_a_disk_that_fills_up_is_told_with_the_run_and_what_to_do(tmp_path, monkeypatch, kind):
+    """HDF5 raises either of them, as whatever call it is that finds the disk full."""
+    path = tmp_path / "run.h5"
+
+    def full(*_):
+        raise kind("Unable to synchronously flush file (unable to extend file properly, errno = 28)")
+
+    def fill():
+        with writer(path) as out:
+            out.append(0.0, motion(0))
+            with monkeypatch.context() as patched:
+                patched.setattr(h5py.File, "flush", full)
+                out.append(1.0, motion(1))
+
+    with pytest.raises(OSError, match=r"run .*run\.h5 cannot be written \(No space left on device\); make room"):
+        fill()
+    with Run(path) as found:
+        assert found.n_snapshots >= 1
+
+
 def test_a_file_written_beside_appears_only_when_it_is_whole(tmp_path):
     def failing():
         with writer(tmp_path / "run.h5", beside=True) as run:
