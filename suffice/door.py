@@ -22,7 +22,6 @@ DONE, FAILED, REFUSED, INTERRUPTED = 0, 1, 2, 130
 INTERRUPTION = "interrupted; finished stages are kept, run the same command again"
 SECONDS_AFTER_CALLBACK = 0.01
 REPEATED = "Can't decrement id ref count"  # HDF5's words
-HALF_MADE = "has no attribute '_ptr'"  # llvmlite's, when it lets go of what Ctrl-C stopped it from making
 UsageError: Any = typer.BadParameter.__mro__[1]  # typer has a click of its own, of which only this is public
 
 
@@ -62,7 +61,7 @@ def hear_what_is_dropped() -> None:
             again = Timer(SECONDS_AFTER_CALLBACK, signal.pthread_kill, (get_ident(), signal.SIGINT))
             again.daemon = True
             again.start()
-        elif not any(words in str(found.exc_value) for words in (REPEATED, HALF_MADE)):
+        elif REPEATED not in str(found.exc_value) and not _half_made(found):
             unraisable(found)
 
     def note_uncaught(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
@@ -70,6 +69,12 @@ def hear_what_is_dropped() -> None:
             uncaught(kind, error, trace)
 
     sys.unraisablehook, sys.excepthook = note_unraisable, note_uncaught
+
+
+def _half_made(found: Any) -> bool:
+    """Tell an object of llvmlite that Ctrl-C stopped in the making: it misses parts when it is let go of."""
+    maker = str(getattr(found.object, "__module__", ""))
+    return issubclass(found.exc_type, AttributeError) and maker.startswith("llvmlite")
 
 
 def disk_words(error: Exception) -> str:

@@ -150,12 +150,14 @@ class InSitu:
         self._learn(variable, rough)
         settled = (self._interval(s) for s in sufficient_strides(rough) if self._has_settled(variable, s))
         best_first = (c.interval for c in sorted(rough.candidates, key=_merit, reverse=True))
-        judged: list[Candidate] = []
+        judged: dict[float, Candidate] = {}
         for interval in chain(settled, best_first):
-            judged += self._sweep(variable, [interval]).candidates
-            if judged[-1].verdict == "sufficient" or rough.at(interval).verdict != "sufficient":
+            if interval in judged:
+                continue
+            (judged[interval],) = self._sweep(variable, [interval]).candidates
+            if judged[interval].verdict == "sufficient" or rough.at(interval).verdict != "sufficient":
                 break
-        return rough._replace(candidates=judged)
+        return rough._replace(candidates=list(judged.values()))
 
     def _learn(self, variable: str, found: Sweep) -> None:
         for stride in sufficient_strides(found):

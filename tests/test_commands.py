@@ -470,6 +470,23 @@ def test_ctrl_c_that_python_drops_in_a_callback_is_heard(capsys, monkeypatch):
     assert capsys.readouterr().err == TOLD
 
 
+@pytest.mark.parametrize(("module", "heard"), [("llvmlite.binding.ffi", False), ("elsewhere", True)])
+def test_what_llvmlite_says_of_an_object_it_could_not_finish_is_dropped(monkeypatch, module, heard):
+    """Ctrl-C may stop the constructor of an object, which then misses what its `__del__` looks for."""
+    monkeypatch.setattr(sys, "excepthook", sys.excepthook)
+    said = []
+    monkeypatch.setattr(sys, "unraisablehook", said.append)
+
+    class Unfinished:
+        def __del__(self):
+            self.missing.close()
+
+    Unfinished.__del__.__module__ = module
+    hear_what_is_dropped()
+    Unfinished()
+    assert bool(said) == heard
+
+
 def test_an_impatient_second_ctrl_c_does_not_spoil_the_message(capsys, monkeypatch):
     say = door._say
 
