@@ -7,11 +7,13 @@ import struct
 from contextlib import suppress
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
 from suffice.quantities import Grid
 from suffice.readers import import_run, vtk_process
+from suffice.readers.vtkhdf import VtkHdf
 from suffice.refusal import Refusal
 from suffice.store import Run
 from suffice.xml_vtk import write_fields, write_list, write_particles
@@ -493,3 +495,10 @@ def test_a_reader_that_wants_more_memory_than_it_may_have_is_refused(tmp_path, m
     monkeypatch.setattr(vtk_process, "MEMORY_PER_BYTE", 0)
     with pytest.raises(Refusal, match=r"beads_0.vtu (cannot be read to its end|stops VTK's reader)"):
         import_run(vtu_files(tmp_path), tmp_path / "run.h5")
+
+
+def test_a_vtkhdf_whose_group_is_none_is_refused(tmp_path):
+    with h5py.File(tmp_path / "odd.vtkhdf", "w") as file:
+        file["VTKHDF"] = np.zeros(3)
+    with pytest.raises(Refusal, match="VTKHDF is no group in it; write it again"):
+        VtkHdf(tmp_path / "odd.vtkhdf")

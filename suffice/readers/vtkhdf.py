@@ -40,6 +40,8 @@ class VtkHdf:
         self.path = path
         with opened(path) as file:
             root = node_of(file, ROOT)
+            if not isinstance(root, h5py.Group):  # HDF5 may know a name in a damaged file, but not what it stands for
+                raise Refusal(f"{path} is damaged: {ROOT} is no group in it; write it again")
             kind = root.attrs.get("Type", b"nothing")
             self.type = kind.decode(errors="replace") if isinstance(kind, bytes) else str(kind)
             if self.type not in KINDS:
