@@ -232,6 +232,7 @@ def test_a_thinned_run_keeps_few_snapshots_of_the_whole_one_and_its_verdict(bead
     whole, dense = run_of(tmp_path / "whole", text, ("position.z",))
     thin, answer = run_of(tmp_path / "thin", text, ("position.z",), keep=keep)
     assert_same_verdict(answer["in_situ"], dense["in_situ"])
+    assert_as_offline(whole, json.loads(json.dumps(answer | {"n_snapshots": dense["n_snapshots"]})))
     assert answer["kept"]["unchecked_intervals"] == 0
     with Run(whole) as run, Run(thin) as some:
         assert some.n_snapshots == answer["kept"]["kept"] < run.n_snapshots / 5
