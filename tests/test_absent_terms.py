@@ -1,6 +1,4 @@
-"""A term that a scene does not list takes no memory and no time."""
-
-import time
+"""A term that a scene does not list takes no memory; `benchmarks/absent_terms.py` times it."""
 
 import numpy as np
 import pytest
@@ -54,25 +52,3 @@ def test_what_is_not_asked_for_is_none(scene_of):
     absent = (run.walls, run.gravity, run.spring, run.wall_spring, run.pair_laws, run.impacts, run.particles.image)
     assert absent == (None,) * 7
     assert run.listed.image.size == 0
-
-
-def seconds_of(run, steps=150):
-    run.advance_to(run.step + 20)
-    taken = []
-    for _ in range(7):
-        began = time.process_time()
-        run.advance_to(run.step + steps)
-        taken.append(time.process_time() - began)
-    return min(taken)
-
-
-@pytest.mark.physics
-def test_terms_that_are_absent_take_no_time(scene_of, capsys):
-    """Least processor time of seven stretches on the same bed."""
-    cases = {"plain": {}, "friction": {"friction": 0.3}, "and rolling": {"friction": 0.3, "rolling": ROLLING}}
-    box = {"directions": ["x", "y", "z"], "lowest": [0, 0, 0], "highest": [9.95 * D, 9.95 * D, 8.955 * D]}
-    taken = {name: seconds_of(Simulation(bed(scene_of, periodic=box, **more))) for name, more in cases.items()}
-    with capsys.disabled():
-        print("\n  " + ", ".join(f"{name} {t / 150 / N * 1e9:.0f} ns a particle and step" for name, t in taken.items()))
-    assert taken["plain"] < 0.85 * taken["friction"]
-    assert taken["friction"] < 0.95 * taken["and rolling"]
