@@ -106,16 +106,28 @@ def mutate_dump(rng: Rng, path: Path) -> None:
 
 def mutate_hdf5(rng: Rng, path: Path) -> None:
     """Change an HDF5 file: bytes, most of them of its structure, or one of its nodes by another that is none."""
-    what = rng.integers(5)
-    if what == 0:
+    what = rng.integers(20)
+    if what < 4:
         mutate_file(path, lambda content: mutated_bytes(rng, content))
-    elif what == 1:
+    elif what < 8:
         mutate_file(path, lambda content: mutated_bytes(rng, content, 12000))
-    elif what == 2 and rng.integers(2):
+    elif what < 10:
         mutate_file(path, lambda content: content[: int(rng.integers(len(content)))])
+    elif what < 11:
+        mutate_file(path, lambda content: _with_circles(rng, content))
     else:
         with h5py.File(path, "r+") as file:
             _change_node(rng, file)
+
+
+def _with_circles(rng: Rng, content: bytes) -> bytes:
+    """Let the first free place of a group's heap be followed by itself; of every second heap."""
+    changed = bytearray(content)
+    for found in re.finditer(b"HEAP.{28}", content, re.DOTALL):
+        _, free, data = struct.unpack("<QQQ", found[0][8:])
+        if rng.integers(2) and data + free + 8 <= len(content):  # 1, for no free place, leads to a broken list
+            struct.pack_into("<Q", changed, data + free, free)
+    return bytes(changed)
 
 
 class Spot(NamedTuple):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from pod import ALONE, Basis, Ranks
 from suffice.door import disk_words
+from suffice.hdf5_memory import open_hdf5
 from suffice.layout import hard_node
 from suffice.refusal import Refusal
 
@@ -114,7 +115,7 @@ def read_gram(path: Path) -> NDArray[np.float64] | None:
     if not path.exists():
         return None
     try:
-        with h5py.File(path, "r") as file:
+        with open_hdf5(path) as file:
             node = hard_node(file, "gram")
             if node is None:
                 return None
@@ -134,7 +135,7 @@ def read_card(path: Path) -> dict[str, Any] | None:
     if not path.is_file():  # a pipe has no end
         return None
     try:
-        with h5py.File(path, "r") as file:
+        with open_hdf5(path) as file:
             node = hard_node(file, "suffice/card")
             if node is None:
                 return None

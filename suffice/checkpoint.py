@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from suffice.door import disk_words
+from suffice.hdf5_memory import names_in, open_hdf5
 from suffice.layout import hard_node
 from suffice.refusal import Refusal
 
@@ -62,8 +63,8 @@ def read_checkpoint(run: Path) -> dict[str, NDArray[Any]] | None:
     if not path.is_file():
         raise Refusal(f"checkpoint {path} is no file; remove it and start the run anew")
     try:
-        with h5py.File(path, "r", locking=False) as file:
-            return {name: np.asarray(hard_node(file, name)[()]) for name in file}
+        with open_hdf5(path, locking=False) as file:
+            return {name: np.asarray(hard_node(file, name)[()]) for name in names_in(file)}
     except Refusal:
         raise
     except (OSError, RuntimeError, LookupError, TypeError, ValueError) as error:

@@ -5,6 +5,7 @@ from typing import Any
 
 import h5py
 
+from suffice.hdf5_memory import bounded_memory
 from suffice.quantities import Grid, Quantity
 from suffice.refusal import Refusal
 
@@ -47,6 +48,7 @@ def bytes_of(shapes: list[tuple[int, ...]], itemsize: int) -> int:
     return itemsize * sum(math.prod(shape) for shape in shapes)
 
 
+@bounded_memory()
 def hard_node(file: Any, name: str) -> Any:
     """Return a group or dataset that lies in this file itself, or None where there is none.
 

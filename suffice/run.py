@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from suffice import layout
+from suffice.hdf5_memory import names_in, open_hdf5
 from suffice.quantities import AXES, QUANTITIES, Grid, component_names
 from suffice.refusal import Refusal
 from suffice.rows import Variable
@@ -270,15 +271,15 @@ class Run:
 
     def _names(self, group: str) -> list[str]:
         node = layout.hard_node(self._file, group)
-        return list(node) if isinstance(node, h5py.Group) else []
+        return names_in(node) if isinstance(node, h5py.Group) else []
 
 
 def _open(path: Path) -> h5py.File:
     if not path.is_file():
         raise Refusal(f"run {path} is {'a folder' if path.is_dir() else 'missing'}; name a file that holds a run")
     try:
-        return h5py.File(path, "r")
-    except OSError as error:
+        return open_hdf5(path)
+    except (OSError, RuntimeError) as error:
         raise Refusal(
             f"{path} cannot be opened as a run ({error}); make it again, or check that it was copied whole"
         ) from None

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from suffice import layout
 from suffice.door import disk_words, naming
+from suffice.hdf5_memory import open_hdf5
 from suffice.quantities import QUANTITIES, Grid
 from suffice.refusal import Refusal
 from suffice.run import Run
@@ -272,9 +273,9 @@ def _holds_run(path: Path) -> bool:
     if not path.is_file():
         return False
     try:
-        with h5py.File(path, "r", locking=False) as file:
-            return layout.PLAN in file
-    except OSError:
+        with open_hdf5(path, locking=False) as file:
+            return layout.hard_node(file, layout.PLAN) is not None
+    except (OSError, RuntimeError, LookupError, ValueError, TypeError, Refusal):  # what HDF5 raises on broken content
         return False
 
 

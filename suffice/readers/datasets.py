@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from suffice import layout
+from suffice.hdf5_memory import names_in
 from suffice.readers.hdf5 import node_of, opened
 from suffice.refusal import Refusal
 
@@ -27,9 +28,9 @@ class Datasets:
     def __init__(self, path: Path) -> None:
         self.path = path
         with opened(path) as file:
-            if layout.PLAN in file:
+            if node_of(file, layout.PLAN) is not None:
                 raise Refusal(f"{path} is a run already; name it where a run is asked for")
-            self.names = list(file)
+            self.names = names_in(file)
 
     def shape(self, name: str) -> tuple[int, ...]:
         """Return the shape of a dataset, stacked along a first axis where each snapshot has its own."""
@@ -117,7 +118,7 @@ class Datasets:
         if not isinstance(node, h5py.Group):
             return []
         if ANY in part:
-            return [name for name in node if fnmatchcase(name, part)]
+            return [name for name in names_in(node) if fnmatchcase(name, part)]
         if part not in node:
             raise Refusal(f"{self.path}: {above} has no {part}; name the groups of the snapshots alone, as in /step_*/")
         return [part]

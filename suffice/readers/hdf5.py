@@ -7,6 +7,7 @@ from typing import Any
 
 import h5py
 
+from suffice.hdf5_memory import bounded_memory, open_hdf5
 from suffice.refusal import Refusal
 
 DENSEST = 2000  # values stored in the room of one: deflate reaches 1032
@@ -19,7 +20,7 @@ MAGIC = b"\x89HDF\r\n\x1a\n"
 def opened(path: Path) -> Iterator[Any]:
     """Open a file for reading. Raises `Refusal` where it is damaged, also while the block reads it."""
     try:
-        with h5py.File(path, "r") as file:
+        with open_hdf5(path) as file:
             yield file
     except Refusal:
         raise
@@ -27,6 +28,7 @@ def opened(path: Path) -> Iterator[Any]:
         raise Refusal(f"{path} cannot be read ({str(error)[:200]}); copy it again, or write it again") from None
 
 
+@bounded_memory()
 def node_of(file: Any, name: str, beside: bool = False) -> Any:
     """Return a group or dataset, None where there is none; `beside` allows links to files in the same folder.
 
@@ -46,7 +48,7 @@ def _walk(file: Any, node: Any, name: str, beside: bool, depth: int) -> Any:
             node = _walk(file, start, link.path, beside, depth - 1)
         elif isinstance(link, h5py.ExternalLink) and beside and _lies_beside(file, link.filename):
             # opened here, not by following the link: its path in there may lead on
-            other = h5py.File(Path(file.filename).parent / link.filename, "r")
+            other = open_hdf5(Path(file.filename).parent / link.filename)
             node = _walk(other, other, link.path, False, depth - 1)
         elif isinstance(link, h5py.HardLink):
             node = node[part]

@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from suffice.hdf5_memory import names_in
 from suffice.readers.clock import Stamps
 from suffice.readers.hdf5 import MAGIC, node_of, opened
 from suffice.readers.piece_run import Read
@@ -30,7 +31,7 @@ def is_vtkhdf(path: Path) -> bool:
         if file.read(len(MAGIC)) != MAGIC:
             return False
     with opened(path) as root:
-        return ROOT in root
+        return node_of(root, ROOT) is not None
 
 
 class VtkHdf:
@@ -77,7 +78,7 @@ class VtkHdf:
 
     def _facts(self, file: Any, root: Any) -> dict[str, Any]:
         groups = {side.lower(): node_of(file, f"{ROOT}/{side}Data") for side in ("Point", "Cell")}
-        known = {side: list(group) if isinstance(group, h5py.Group) else [] for side, group in groups.items()}
+        known = {side: names_in(group) if isinstance(group, h5py.Group) else [] for side, group in groups.items()}
         facts: dict[str, Any] = {"kind": KINDS[self.type], "known": known, "turned": False}
         if self.type == "ImageData":
             for name, attribute in (("extent", "WholeExtent"), ("origin", "Origin"), ("spacing", "Spacing")):
