@@ -11,14 +11,14 @@ import h5py
 import numpy as np
 import pytest
 
-from suffice import hdf5_memory
+from suffice import hdf5_memory, layout
 from suffice.basis_file import read_card, read_gram
 from suffice.checkpoint import checkpoint_path, read_checkpoint
 from suffice.hdf5_memory import bounded_memory, names_in, open_hdf5
 from suffice.readers import import_run
 from suffice.refusal import Refusal
 from suffice.run import Run
-from suffice.store import check_place
+from suffice.store import RunWriter, check_place
 
 MIB = 1 << 20
 NO_FREE_PLACE = 1
@@ -41,12 +41,12 @@ def peak():
     return int(re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())[1]) * 1024
 
 
-def make_circles(path):
-    """Let every free place of every heap in an HDF5 file be followed by itself; return how many there are."""
+def make_circles(path, number=None):
+    """Let a free place of every heap in an HDF5 file, or of one, be followed by itself; return how many there are."""
     content, circles = bytearray(path.read_bytes()), 0
-    for found in re.finditer(b"HEAP", bytes(content)):
+    for k, found in enumerate(re.finditer(b"HEAP", bytes(content))):
         _, free, data = struct.unpack_from("<QQQ", content, found.start() + 8)
-        if free != NO_FREE_PLACE:
+        if free != NO_FREE_PLACE and number in (None, k):
             struct.pack_into("<Q", content, data + free, free)
             circles += 1
     path.write_bytes(content)
@@ -90,6 +90,39 @@ def test_a_file_of_another_code_with_a_circle_is_refused(tmp_path, name):
     with pytest.raises(Refusal, match="cannot be read"):
         import_run([hdf5_of(tmp_path / "other.h5", name)], tmp_path / "run.h5", interval=0.1)
     assert not (tmp_path / "run.h5").exists()
+
+
+@pytest.mark.usefixtures("bound")
+def test_a_group_of_each_snapshot_with_a_circle_is_refused(tmp_path):
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        for k in range(2):
+            file[f"step_{k}/x"] = np.full((2, 3), float(k))
+    assert make_circles(tmp_path / "other.h5", number=1)  # 0 is the root's
+    with pytest.raises(Refusal, match="cannot be read"):
+        import_run([tmp_path / "other.h5"], tmp_path / "run.h5", interval=0.1, maps=["position=step_*/x"])
+
+
+@pytest.mark.usefixtures("bound")
+def test_a_run_with_a_circle_in_any_group_is_not_continued(tmp_path):
+    whole, zeros = tmp_path / "run.h5", {"position": np.zeros((2, 3))}
+    settings = {
+        "n_snapshots": 3,
+        "variables": ["position"],
+        "series": ["a"],
+        "impact_energy": [1e-9, 1e-8],
+        "provenance": {"git": "0"},
+    }
+    found = {layout.FOUND: ((), np.dtype("S8"))}
+    with RunWriter(whole, ids=[0, 1], radius=[1, 1], species=[1, 1], reserved=found, **settings) as run:
+        run.append(0.0, zeros, {"a": 1.0})
+    refused = 0
+    for number in range(whole.read_bytes().count(b"HEAP")):
+        path = shutil.copy(whole, tmp_path / f"{number}.h5")
+        if make_circles(path, number):
+            with pytest.raises(Refusal, match="damaged"):
+                RunWriter.resume(path, 1)
+            refused += 1
+    assert refused == 7  # root, particles, suffice, and its series, impacts, in_situ, provenance
 
 
 @pytest.mark.usefixtures("bound")

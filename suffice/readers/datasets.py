@@ -119,7 +119,7 @@ class Datasets:
             return []
         if ANY in part:
             return [name for name in names_in(node) if fnmatchcase(name, part)]
-        if part not in node:
+        if part not in names_in(node):
             raise Refusal(f"{self.path}: {above} has no {part}; name the groups of the snapshots alone, as in /step_*/")
         return [part]
 
